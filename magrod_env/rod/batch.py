@@ -1,0 +1,209 @@
+"""Many rods of one make in lane blocks: writing them, stepping them on several threads, reading them."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from magrod_env._jit import PRESENT
+from magrod_env.rod.energy import ELASTIC, GRAVITATIONAL, KINETIC, MAGNETIC, measure_blocks, watch_blocks
+from magrod_env.rod.layout import (
+    DAMPING,
+    DRAG,
+    FIELD,
+    GRADIENT,
+    GRAVITY,
+    LEAST_COSINE,
+    PLANAR,
+    SPATIAL,
+    Terms,
+    make_blocks,
+    make_layout,
+    rows_of,
+)
+from magrod_env.rod.mesh import RodValues, split_elements, write_rod
+from magrod_env.rod.stepping import run_blocks
+
+LANES = {"float64": 8, "float32": 16}
+PLANE_AXES = {None: (0, 1, 2), "xy": (0, 1), "xz": (0, 2)}
+BLOCKS_PER_THREAD = 4  # below this, handing a share to another thread costs more than it saves
+
+
+class RodBatch:
+    """State and constants of ``num_rods`` rods with the same terms, magnets' nodes and numbers of elements.
+
+    Args: ``values`` of the nominal rod; ``magnet_segments`` (num_magnets,) the segment at whose end each magnet sits; ``plane``
+    None, "xy" or "xz"; the scene's terms are present where they are not None or False.
+    """
+
+    def __init__(
+        self,
+        values: RodValues,
+        magnet_segments,
+        *,
+        num_rods: int,
+        num_elements: int,
+        nodal: bool,
+        precision: str,
+        plane: str | None,
+        gravity,
+        drag_rate: float | None,
+        internal_damping: float | None,
+        slew: bool = False,
+        lag: bool = False,
+        num_threads: int | None = None,
+    ):
+        def present(flag):
+            return PRESENT if flag else None
+
+        self.num_rods, self.plane, self.axes = num_rods, plane, PLANE_AXES[plane]
+        self.dtype = np.dtype(precision)
+        self.counts = split_elements(values.ends, num_elements)
+        ends = np.cumsum(self.counts)
+        self.terms = Terms(
+            lanes=(0,) * (1 if num_rods == 1 else LANES[precision]),
+            planar=present(plane is not None),
+            nodal=present(nodal),
+            gravity=present(gravity is not None),
+            magnets=present(len(magnet_segments) > 0),
+            drag=present(drag_rate is not None),
+            internal_damping=present(internal_damping is not None),
+            slew=present(slew),
+            lag=present(lag),
+        )
+        self.layout = make_layout(num_elements, tuple(int(ends[s]) for s in magnet_segments), self.terms)
+        self.node_rows = SPATIAL if plane is None else PLANAR
+        self.blocks = make_blocks(num_rods, self.layout, self.terms, self.dtype)
+        self.rows = rows_of(self.blocks, len(self.terms.lanes))
+        self.measures = np.zeros((len(self.blocks), 5 * len(self.terms.lanes)), self.dtype)
+        self.travel = np.zeros(num_rods)
+        self.status = np.zeros(num_rods, np.int64)
+        for rod in range(self.rows.shape[0] * self.rows.shape[2]):
+            write_rod(
+                self.rows[rod // self.width],
+                rod % self.width,
+                self.layout,
+                self.counts,
+                self._in_plane(values),
+                self.terms.planar,
+                self.terms.nodal,
+            )
+        self.rows[:, LEAST_COSINE] = 1.0
+        self.rows[:, DRAG] = drag_rate or 0.0
+        self.rows[:, DAMPING] = internal_damping or 0.0
+        if gravity is not None:
+            self.rows[:, GRAVITY : GRAVITY + len(self.axes)] = np.asarray(gravity, float)[list(self.axes), None]
+        self.num_threads = num_threads or os.cpu_count() or 1
+        self._pool = None
+
+    @property
+    def width(self) -> int:
+        """Rods in a lane block."""
+        return len(self.terms.lanes)
+
+    def _in_plane(self, values: RodValues) -> RodValues:
+        """Values with the magnets' moments in the plane's axes first."""
+        if self.plane is None:
+            return values
+        moments = np.zeros_like(values.magnet_moments)
+        moments[:, :2] = values.magnet_moments[:, list(self.axes)]
+        return values._replace(magnet_moments=moments)
+
+    def use_gradient(self) -> None:
+        """From now on, compute the force that a field gradient makes."""
+        self.terms = self.terms._replace(gradient=PRESENT)
+
+    def share(self, kernel, *arguments) -> None:
+        """Call ``kernel(blocks, first, last, ...)`` on all blocks, shared out over the threads; it releases the GIL."""
+        total = len(self.blocks)
+        workers = min(self.num_threads, max(1, total // BLOCKS_PER_THREAD))
+        if workers == 1:
+            kernel(self.blocks, 0, total, *arguments)
+            return
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(self.num_threads - 1, thread_name_prefix="magrod")
+        cuts = [total * k // workers for k in range(workers + 1)]
+        others = [
+            self._pool.submit(kernel, self.blocks, first, last, *arguments)
+            for first, last in zip(cuts[1:-1], cuts[2:], strict=True)
+        ]
+        kernel(self.blocks, 0, cuts[1], *arguments)
+        for other in others:
+            other.result()
+
+    def run(self, num_steps: int, time_step: float, blend: float = 0.0, largest_change: float = 0.0) -> None:
+        """Step every rod ``num_steps`` times (see ``run_blocks``)."""
+        scalar = self.dtype.type
+        self.share(
+            run_blocks, self.layout, self.terms, num_steps, scalar(time_step), scalar(blend), scalar(largest_change)
+        )
+
+    def watch(self) -> None:
+        """Bring ``status`` up to date (see ``watch_blocks``)."""
+        self.share(watch_blocks, self.layout, self.terms, self.measures, self.travel, self.status)
+
+    def mark(self, rods=slice(None)) -> None:
+        """Take the present energy of some rods as the watchdog's start, and their status as well."""
+        self.status[rods] = 0
+        status = self.status.copy()
+        self.watch()
+        self.status[:] = status
+
+    def gather(self, first: int, count: int) -> np.ndarray:
+        """Rows ``first`` to ``first + count`` of all rods as float64, shape (num_rods, count)."""
+        rows = self.rows[:, first : first + count].transpose(0, 2, 1).reshape(-1, count)
+        return rows[: self.num_rods].astype(np.float64)
+
+    def scatter(self, first: int, values) -> None:
+        """Write rows of all rods from ``values`` (num_rods, count)."""
+        values = np.asarray(values)
+        count = values.shape[1]
+        full = np.empty((self.rows.shape[0] * self.width, count), self.dtype)
+        full[: self.num_rods] = values
+        full[self.num_rods :] = values[-1]
+        self.rows[:, first : first + count] = full.reshape(-1, self.width, count).transpose(0, 2, 1)
+
+    def nodes(self, offset: int, count: int) -> np.ndarray:
+        """A quantity of all nodes, shape (num_rods, num_nodes, count), float64."""
+        size, num_nodes = self.node_rows.size, self.layout.num_elements + 1
+        every = self.gather(self.layout.nodes, size * num_nodes).reshape(self.num_rods, num_nodes, size)
+        return every[..., offset : offset + count]
+
+    def set_nodes(self, offset: int, values) -> None:
+        """Write a quantity of all nodes from (num_rods, num_nodes, count)."""
+        size, num_nodes = self.node_rows.size, self.layout.num_elements + 1
+        every = self.gather(self.layout.nodes, size * num_nodes).reshape(self.num_rods, num_nodes, size)
+        every[..., offset : offset + np.shape(values)[-1]] = values
+        self.scatter(self.layout.nodes, every.reshape(self.num_rods, -1))
+
+    def set_field(self, field) -> None:
+        """Set the field of every rod (num_rods, 3) T at once, and count its travel for the watchdog."""
+        flat = np.zeros((self.num_rods, 3))
+        flat[:, : len(self.axes)] = field[:, list(self.axes)]
+        self.travel += np.abs(flat - self.gather(FIELD, 3)).sum(axis=1)
+        for first in (FIELD, FIELD + 3, FIELD + 6):
+            self.scatter(first, flat)
+
+    def set_gradient(self, gradient, reach: float) -> None:
+        """Set the gradient of every rod (num_rods, 3, 3) T/m; ``reach`` (m) turns it into the watchdog's travel."""
+        inner = np.zeros((self.num_rods, 3, 3))
+        axes = np.array(self.axes)
+        inner[:, : len(axes), : len(axes)] = gradient[:, axes[:, None], axes]
+        flat = inner.reshape(self.num_rods, 9)
+        self.travel += reach * np.abs(flat - self.gather(GRADIENT, 9)).sum(axis=1)
+        self.scatter(GRADIENT, flat)
+
+    def energies(self) -> dict[str, np.ndarray]:
+        """Kinetic, elastic, gravitational and magnetic energy of every rod, J, shape (num_rods,) each."""
+        self.share(measure_blocks, self.layout, self.terms, self.measures)
+        seen = self.measures.reshape(len(self.blocks), -1, self.width).transpose(1, 0, 2)
+        seen = seen.reshape(seen.shape[0], -1)[:, : self.num_rods].astype(np.float64)
+        names = {"kinetic": KINETIC, "elastic": ELASTIC, "gravitational": GRAVITATIONAL, "magnetic": MAGNETIC}
+        return {name: seen[row] for name, row in names.items()}
+
+    def __getstate__(self):
+        return {**self.__dict__, "_pool": None, "rows": None}
+
+    def __setstate__(self, state):
+        self.__dict__.update(state)
+        self.rows = rows_of(self.blocks, self.width)

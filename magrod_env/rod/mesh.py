@@ -1,0 +1,161 @@
+"""From a rod and its magnets to the constants of a lane block: element lengths, stiffness, lumped masses.
+
+A node sits at every magnet, so elements may differ in length from segment to segment (a segment lies between neighbouring
+magnets or ends). Derived in docs/physics.md.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from magrod_env._jit import jit
+from magrod_env.rod.layout import (
+    AXIAL,
+    BENDING,
+    ELEMENT_ROWS,
+    INVERSE_LENGTH,
+    LENGTH,
+    PLANAR,
+    SHEAR,
+    SPATIAL,
+    TORSION,
+)
+
+
+class RodValues(NamedTuple):
+    """What a rod is made of, as kernels take it (SI, floats and arrays)."""
+
+    ends: np.ndarray  # (num_segments,) arc length of each segment's end, m; the last is the rod's length
+    axial: float  # EA, N
+    shear: float  # GA, N
+    bending: float  # EI, N m^2
+    torsion: float  # GJ, N m^2
+    mass_per_length: float  # kg/m
+    rotary: float  # transverse rotary inertia per length rho I, kg m; the axial one is twice as much
+    magnet_masses: np.ndarray  # (num_magnets,), kg
+    magnet_moments: np.ndarray  # (num_magnets, 3), A m^2, body frame
+
+
+def split_elements(ends, num_elements: int) -> np.ndarray:
+    """Number of elements of each segment, so that the longest element is as short as it can be.
+
+    ``ends`` (num_segments,) m, increasing. Raises ValueError if a segment would be left without an element.
+    """
+    lengths = np.diff(np.concatenate(([0.0], np.asarray(ends, float))))
+    if num_elements < len(lengths):
+        raise ValueError(
+            f"num_elements must be at least {len(lengths)}, one for each segment between magnets, but is {num_elements}"
+        )
+    counts = np.ones(len(lengths), np.int64)
+    while counts.sum() < num_elements:
+        counts[np.argmax(lengths / counts)] += 1
+    return counts
+
+
+@jit
+def arc_lengths(ends, counts):
+    """Arc length of every node, shape (num_elements + 1,), m."""
+    arc = np.zeros(counts.sum() + 1)
+    node, start = 0, 0.0
+    for segment in range(len(counts)):
+        for k in range(1, counts[segment] + 1):
+            arc[node + k] = start + (ends[segment] - start) * k / counts[segment]
+        node += counts[segment]
+        start = ends[segment]
+    return arc
+
+
+@jit
+def lumped_lengths(arc, corrected):
+    """Length of rod that each node carries, shape (num_nodes,), m: weights of a quadrature along the rod.
+
+    Plain: the trapezoidal rule. Corrected: with the Euler-Maclaurin end terms -(h^2/12) f' of every piece of constant h,
+    f' from the three nearest nodes. At the clamp f' = 0; at the free end of a uniform rod this gives Gregory's weights 3/8,
+    7/6, 23/24; with one or two elements the integrand's zero and zero slope at the clamp take the missing nodes' place.
+    """
+    last = len(arc) - 1
+    weights = np.zeros(last + 1)
+    for element in range(last):
+        h = arc[element + 1] - arc[element]
+        weights[element] += 0.5 * h
+        weights[element + 1] += 0.5 * h
+    if not corrected:
+        return weights
+    if last == 1:
+        weights[1] = arc[1] / 3.0
+        return weights
+    plain = weights.copy()
+    for node in range(1, last):
+        before, after = arc[node] - arc[node - 1], arc[node + 1] - arc[node]
+        factor = (after * after - before * before) / (12.0 * (before + after))
+        weights[node + 1] += factor * before / after
+        weights[node - 1] -= factor * after / before
+        weights[node] += factor * (after / before - before / after)
+    h, reach = arc[last] - arc[last - 1], arc[last] - arc[last - 2]
+    factor = -h * h / 12.0
+    weights[last] += factor * (1.0 / h + 1.0 / reach)
+    weights[last - 1] -= factor * reach / (h * (reach - h))
+    weights[last - 2] += factor * h / (reach * (reach - h))
+    share = 1.0  # of the correction: all of it unless a short segment beside a long one would make a node too light
+    for node in range(1, last + 1):
+        if weights[node] < 0.5 * plain[node]:
+            share = min(share, 0.5 * plain[node] / (plain[node] - weights[node]))
+    return plain + share * (weights - plain)
+
+
+@jit
+def write_rod(rows, lane, layout, counts, values, planar, nodal):
+    """Write one rod's constants into lane ``lane`` of a block ``rows`` (num_rows, L), and lay it straight and at rest.
+
+    The helical element gets the residual bending flexibility 1/GA* = 1/GA + h^2/(12 EI) (MacNeal 1978) and corrected masses;
+    the nodal element has neither, as in the paper.
+    """
+    arc = arc_lengths(values.ends, counts)
+    carried = lumped_lengths(arc, nodal is None)
+    node_rows = SPATIAL if planar is None else PLANAR
+    for node in range(len(arc)):
+        row = layout.nodes + node_rows.size * node
+        mass = values.mass_per_length * carried[node]
+        for magnet in range(len(layout.magnet_nodes)):
+            if layout.magnet_nodes[magnet] == node:
+                mass += values.magnet_masses[magnet]
+        rows[row + node_rows.inverse_mass, lane] = 1.0 / mass
+        inertia = values.rotary * carried[node]
+        if planar is None:
+            rows[row + node_rows.compliance, lane] = 0.25 / inertia
+            rows[row + node_rows.compliance + 1, lane] = 0.5 / inertia
+        else:
+            rows[row + node_rows.compliance, lane] = 0.5 / inertia
+    for element in range(len(arc) - 1):
+        row = layout.elements + ELEMENT_ROWS * element
+        h = arc[element + 1] - arc[element]
+        shear = values.shear
+        if nodal is None:
+            shear = 1.0 / (1.0 / shear + h * h / (12.0 * values.bending))
+        rows[row + LENGTH, lane] = h
+        rows[row + INVERSE_LENGTH, lane] = 1.0 / h
+        rows[row + AXIAL, lane] = values.axial
+        rows[row + SHEAR, lane] = shear
+        rows[row + BENDING, lane] = values.bending / h
+        rows[row + TORSION, lane] = values.torsion / h
+    for magnet in range(len(layout.magnet_nodes)):
+        for axis in range(3):
+            rows[layout.magnets + 3 * magnet + axis, lane] = values.magnet_moments[magnet, axis]
+    write_straight(rows, lane, layout, planar)
+
+
+@jit
+def write_straight(rows, lane, layout, planar):
+    """Lay one rod straight along +x, at rest."""
+    node_rows = SPATIAL if planar is None else PLANAR
+    arc = 0.0
+    for node in range(layout.num_elements + 1):
+        row = layout.nodes + node_rows.size * node
+        for k in range(node_rows.inverse_mass):
+            rows[row + k, lane] = 0.0
+        rows[row + node_rows.position, lane] = arc
+        rows[row + node_rows.rotation, lane] = 1.0
+        if node < layout.num_elements:
+            arc += rows[layout.elements + ELEMENT_ROWS * node + LENGTH, lane]
+    for row in range(layout.history, layout.size):
+        rows[row, lane] = 0.0

@@ -1,0 +1,124 @@
+"""Planar motion: position (x, y) and one angle a node; the exact restriction of the spatial scheme to a plane.
+
+A pose is ``((x, y), (w, z))``: position in the plane's axes and the half-angle pair (cos(theta/2), sin(theta/2)), theta
+positive from the first axis (along the straight rod) to the second. Formulas are those of helical.py, nodal.py and
+rotation.py with every out-of-plane number left out.
+"""
+
+from magrod_env._jit import inline_jit
+from magrod_env._simd import square_root
+from magrod_env.rod.helical import strain_slope
+from magrod_env.rod.so3 import half_angle_series
+
+
+@inline_jit
+def planar_matrix(rotation, two_over_norm):
+    """(cosine, sine) of the angle of a half-angle pair of any length; ``two_over_norm = 2 / |q|^2``."""
+    z = two_over_norm * rotation[1]
+    return 1.0 - rotation[1] * z, rotation[0] * z
+
+
+@inline_jit
+def planar_rotate(frame, v):
+    """Body to world."""
+    return frame[0] * v[0] - frame[1] * v[1], frame[1] * v[0] + frame[0] * v[1]
+
+
+@inline_jit
+def planar_rotate_back(frame, v):
+    """World to body."""
+    return frame[0] * v[0] + frame[1] * v[1], frame[0] * v[1] - frame[1] * v[0]
+
+
+@inline_jit
+def planar_cross(a, b):
+    """Component of ``a x b`` across the plane."""
+    return a[0] * b[1] - a[1] * b[0]
+
+
+@inline_jit
+def planar_relative_rotation(a, b):
+    """Half-angle pair of the rotation from a to b."""
+    return a[0] * b[0] + a[1] * b[1], a[0] * b[1] - a[1] * b[0]
+
+
+@inline_jit
+def planar_helical_strain(pose_a, pose_b, inverse_length):
+    """Strain ``gamma`` (2,), relative angle ``phi`` and shared geometry of one helical element (see ``helical_strain``)."""
+    position_a, rotation_a = pose_a
+    position_b, rotation_b = pose_b
+    cosine, sine = planar_relative_rotation(rotation_a, rotation_b)
+    inverse = 1.0 / (1.0 + cosine)
+    u = inverse * sine
+    x = u * u
+    w = half_angle_series(x)
+    q = 1.0 - x * w
+    phi = 4.0 * q * u
+    mid = planar_matrix((rotation_a[0] + rotation_b[0], rotation_a[1] + rotation_b[1]), inverse)
+    difference = (inverse_length * (position_b[0] - position_a[0]), inverse_length * (position_b[1] - position_a[1]))
+    chord = planar_rotate_back(mid, difference)
+    sinc_inverse = (1.0 + x) * q
+    a = 0.0625 * (q - w) / (sinc_inverse * q * q)
+    gamma = (sinc_inverse * chord[0], sinc_inverse * chord[1])
+    return gamma, phi, (chord, mid, q, x, a, sinc_inverse)
+
+
+@inline_jit
+def planar_helical_loads(gamma, phi, geometry, stress, moment, length):
+    """World force on node a and torques on a and b (see ``helical_loads``)."""
+    chord, mid, q, x, a, sinc_inverse = geometry
+    n = (sinc_inverse * stress[0], sinc_inverse * stress[1])
+    s = 0.5 * length * planar_cross(chord, n)
+    y = 16.0 * x * q * q
+    bracket = (2.0 * a + strain_slope(y) * y) * phi * (gamma[0] * n[0] + gamma[1] * n[1])
+    m = moment + length * bracket
+    return planar_rotate(mid, n), s + m, s - m
+
+
+@inline_jit
+def planar_helical_strain_rates(gamma, phi, geometry, velocity_a, spin_a, velocity_b, spin_b, inverse_length):
+    """Rates of ``gamma`` (1/s) and ``phi`` (rad/s) (see ``helical_strain_rates``)."""
+    chord, mid, q, x, a, sinc_inverse = geometry
+    phi_rate = spin_b - spin_a
+    mid_spin = 0.5 * (spin_a + spin_b)
+    y = 16.0 * x * q * q
+    slope = (2.0 * a + strain_slope(y) * y) * phi * phi_rate
+    difference = (inverse_length * (velocity_b[0] - velocity_a[0]), inverse_length * (velocity_b[1] - velocity_a[1]))
+    chord_rate = planar_rotate_back(mid, difference)
+    rate_x = chord_rate[0] + chord[1] * mid_spin + slope * gamma[0]
+    rate_y = chord_rate[1] - chord[0] * mid_spin + slope * gamma[1]
+    return (sinc_inverse * rate_x, sinc_inverse * rate_y), phi_rate
+
+
+@inline_jit
+def planar_nodal_strain(pose_a, pose_b, inverse_length):
+    """Strains of the paper's element in the plane (see ``nodal_strain``)."""
+    position_a, rotation_a = pose_a
+    position_b, rotation_b = pose_b
+    cosine, sine = planar_relative_rotation(rotation_a, rotation_b)
+    frame_a, frame_b = planar_matrix(rotation_a, 2.0), planar_matrix(rotation_b, 2.0)
+    chord = (inverse_length * (position_b[0] - position_a[0]), inverse_length * (position_b[1] - position_a[1]))
+    gamma_a, gamma_b = planar_rotate_back(frame_a, chord), planar_rotate_back(frame_b, chord)
+    return gamma_a, gamma_b, sine * (1.0 / cosine), (frame_a, frame_b)
+
+
+@inline_jit
+def planar_nodal_loads(gamma_a, gamma_b, g, frames, stress_a, stress_b, moment, length):
+    """World force on node a and torques on a and b (see ``nodal_loads``)."""
+    force_a, force_b = planar_rotate(frames[0], stress_a), planar_rotate(frames[1], stress_b)
+    bending = moment + g * (g * moment)
+    torque_a = bending + 0.5 * length * planar_cross(gamma_a, stress_a)
+    torque_b = 0.5 * length * planar_cross(gamma_b, stress_b) - bending
+    return (0.5 * (force_a[0] + force_b[0]), 0.5 * (force_a[1] + force_b[1])), torque_a, torque_b
+
+
+@inline_jit
+def planar_free_rotation(rotation, momentum, time_step, compliance):
+    """Drift of a planar rotation over ``time_step`` (see ``free_rotation``); the angular momentum does not change."""
+    g = time_step * momentum
+    f = g * compliance
+    for _ in range(3):
+        f = compliance * (g + f * (g * f))
+    w, z = rotation[0] - rotation[1] * f, rotation[0] * f + rotation[1]
+    factor = 1.0 / square_root(w * w + z * z)
+    return factor * w, factor * z

@@ -1,0 +1,74 @@
+"""Linearised rod: natural frequencies and the largest stable time step."""
+
+import numpy as np
+
+from magrod_env.rod.layout import ELEMENT_ROWS, GRAVITY, LENGTH, SPATIAL, Layout, Terms
+from magrod_env.rod.tangent import BAND, assemble
+
+ACTIVE = {None: [0, 1, 2, 3, 4, 5], "xy": [0, 1, 5], "xz": [0, 2, 4]}  # degrees of freedom of a node
+
+
+def linearise(block, layout: Layout, terms: Terms, gradient, positions, rotations):
+    """Dense stiffness (6 N, 6 N) and lumped inertia (6 N,) of one rod at a configuration.
+
+    ``block`` holds the rod's constants in all lanes; ``positions`` (N + 1, 3) m, ``rotations`` (N + 1, 4).
+    """
+    size = 6 * layout.num_elements
+    residual, band = np.zeros(size), np.zeros((size, BAND))
+    assemble(block, layout, terms, terms.nodal, gradient, positions, rotations, residual, band, True)
+    stiffness = np.zeros((size, size))
+    for i in range(size):
+        for k in range(max(0, BAND - 1 - i), BAND):
+            j = i - (BAND - 1 - k)
+            stiffness[i, j] = stiffness[j, i] = band[i, k]
+    rows = block.reshape(-1, len(terms.lanes))[:, 0]
+    nodes = layout.nodes + SPATIAL.size * np.arange(1, layout.num_elements + 1)
+    mass = 1.0 / rows[nodes + SPATIAL.inverse_mass]
+    axial, transverse = 0.5 / rows[nodes + SPATIAL.compliance], 0.5 / rows[nodes + SPATIAL.compliance + 1]
+    return stiffness, np.stack([mass, mass, mass, axial, transverse, transverse], axis=1).ravel()
+
+
+def straight(block, layout: Layout, terms: Terms):
+    """Positions (N + 1, 3) and rotations (N + 1, 4) of the straight rod of a block."""
+    rows = block.reshape(-1, len(terms.lanes))[:, 0]
+    lengths = rows[layout.elements + LENGTH + ELEMENT_ROWS * np.arange(layout.num_elements)]
+    positions, rotations = np.zeros((layout.num_elements + 1, 3)), np.zeros((layout.num_elements + 1, 4))
+    positions[1:, 0] = np.cumsum(lengths)
+    rotations[:, 0] = 1.0
+    return positions, rotations
+
+
+def angular_frequencies(stiffness, inertia, plane: str | None):
+    """Natural angular frequencies, rad/s, increasing; NaN for the directions in which the rod is unstable."""
+    keep = [6 * (i // 6) + i % 6 for i in range(len(inertia)) if i % 6 in ACTIVE[plane]]
+    root = 1.0 / np.sqrt(inertia[keep])
+    squares = np.linalg.eigvalsh(root[:, None] * stiffness[np.ix_(keep, keep)] * root)
+    return np.sqrt(np.where(squares >= 0.0, squares, np.nan))
+
+
+def stable_time_step(block, layout: Layout, terms: Terms, field_magnitude: float, plane: str | None, damping: float) -> float:
+    """Largest stable time step of the straight rod, s, in a field of any direction up to ``field_magnitude`` T.
+
+    2/omega_max of the linearised rod; a dipole adds at most |m||B| to its node's rotational stiffness (Rayleigh's bound), and
+    Kelvin-Voigt damping of time ``damping`` (s) shortens the step to (sqrt(4 w^2 + 16 c^2) - 4 c)/w^2 with c = damping w^2.
+    """
+    stiffness, inertia = linearise(block, layout, terms._replace(magnets=None), None, *straight(block, layout, terms))
+    rows = block.reshape(-1, len(terms.lanes))[:, 0]
+    for number, node in enumerate(layout.magnet_nodes):
+        moment = np.linalg.norm(rows[layout.magnets + 3 * number :][:3])
+        for k in (3, 4, 5):
+            i = 6 * (node - 1) + k
+            stiffness[i, i] += moment * field_magnitude
+    return time_step_bound(stiffness, inertia, plane, damping)
+
+
+def time_step_bound(stiffness, inertia, plane: str | None, damping: float) -> float:
+    """Largest stable step of a linearised rod with Kelvin-Voigt time ``damping`` (s), s."""
+    highest = np.nanmax(angular_frequencies(stiffness, inertia, plane))
+    rate = damping * highest**2
+    return float((np.sqrt(4.0 * highest**2 + 16.0 * rate**2) - 4.0 * rate) / highest**2)
+
+
+def set_gravity(block, terms: Terms, gravity) -> None:
+    """Write gravity (3,) m/s^2 into every lane of a block."""
+    block.reshape(-1, len(terms.lanes))[GRAVITY : GRAVITY + 3] = np.asarray(gravity)[:, None]

@@ -1,0 +1,215 @@
+"""One loop nest that steps rods: drift, kick, drift, for spatial or planar rods, either element, one rod or many lanes.
+
+A step of length dt is a drift of dt/2, a kick with the loads at the middle, a drift of dt/2; inside a run neighbouring drifts
+merge. It is the Lie group variational integrator of Tariverdi et al. 2020 (eq. 10-16, with the corrections in docs/audit.md)
+in its symmetric form, so positions and velocities belong to the same time at every call's start and end. Dissipation enters
+as forcing. Branches on ``terms`` are decided when the kernel is compiled.
+"""
+
+from magrod_env._jit import inline_jit, jit
+from magrod_env._simd import constant, load, maximum, minimum, store
+from magrod_env.rod.layout import DRAG, FIELD, GRAVITY, LEAST_COSINE, PLANAR, REFERENCE, SPATIAL, TARGET
+from magrod_env.rod.loads import (
+    bend_cosine,
+    element_loads,
+    load2,
+    load3,
+    load_motion,
+    load_pose,
+    magnet_loads,
+    node_row,
+    store2,
+    store3,
+    store_motion,
+    store_pose,
+)
+from magrod_env.rod.planar import planar_free_rotation
+from magrod_env.rod.rotation import free_rotation
+from magrod_env.rod.so3 import add, add_scaled, scale
+
+
+@inline_jit
+def drift_node(block, row, pose, motion, time_step, lanes, planar):
+    """Move a node freely for ``time_step`` and store it."""
+    velocity, momentum = motion
+    if planar is None:
+        compliance = load2(block, row + SPATIAL.compliance, lanes)
+        rotation, momentum = free_rotation(pose[1], momentum, time_step, compliance)
+        position = add_scaled(pose[0], time_step, velocity)
+    else:
+        rotation = planar_free_rotation(pose[1], momentum, time_step, load(block, row + PLANAR.compliance, lanes))
+        position = (pose[0][0] + time_step * velocity[0], pose[0][1] + time_step * velocity[1])
+    store_pose(block, row, (position, rotation), lanes, planar)
+    store_motion(block, row, (velocity, momentum), lanes, planar)
+
+
+@jit
+def drift(block, layout, terms, planar, time_step):
+    """Move every free node for ``time_step`` without loads."""
+    for node in range(1, layout.num_elements + 1):
+        row = node_row(layout, planar, node)
+        pose = load_pose(block, row, terms.lanes, planar)
+        drift_node(block, row, pose, load_motion(block, row, terms.lanes, planar), time_step, terms.lanes, planar)
+
+
+@inline_jit
+def kicked(motion, row, block, force, torque, time_step, keep, gain, terms, planar):
+    """Motion of a node after the loads have acted for ``time_step``; drag semi-implicit: v <- keep v + gain (f/m + g)."""
+    velocity, momentum = motion
+    if planar is None:
+        acceleration = scale(load(block, row + SPATIAL.inverse_mass, terms.lanes), force)
+        if terms.gravity is not None:
+            acceleration = add(acceleration, load3(block, GRAVITY, terms.lanes))
+        if terms.drag is not None:
+            velocity = scale(keep, velocity)
+        return add_scaled(velocity, gain, acceleration), add_scaled(momentum, time_step, torque)
+    inverse_mass = load(block, row + PLANAR.inverse_mass, terms.lanes)
+    a, b = inverse_mass * force[0], inverse_mass * force[1]
+    if terms.gravity is not None:
+        a, b = a + load(block, GRAVITY, terms.lanes), b + load(block, GRAVITY + 1, terms.lanes)
+    if terms.drag is not None:
+        velocity = (keep * velocity[0], keep * velocity[1])
+    return (velocity[0] + gain * a, velocity[1] + gain * b), momentum + time_step * torque
+
+
+@inline_jit
+def remember_kick(block, layout, node, before, after, lanes, planar):
+    """Store half of a kick, from which the next step's internal damping takes its velocities."""
+    if planar is None:
+        row = layout.history + 6 * node
+        store3(block, row, scale(0.5, add_scaled(after[0], -1.0, before[0])), lanes)
+        store3(block, row + 3, scale(0.5, add_scaled(after[1], -1.0, before[1])), lanes)
+    else:
+        row = layout.history + 3 * node
+        store2(block, row, (0.5 * (after[0][0] - before[0][0]), 0.5 * (after[0][1] - before[0][1])), lanes)
+        store(block, row + 2, 0.5 * (after[1] - before[1]), lanes)
+
+
+@inline_jit
+def add_force(a, b, planar):
+    """Sum of two forces."""
+    if planar is None:
+        return add(a, b)
+    return a[0] + b[0], a[1] + b[1]
+
+
+@inline_jit
+def subtract_force(a, b, planar):
+    """Difference of two forces."""
+    if planar is None:
+        return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+    return a[0] - b[0], a[1] - b[1]
+
+
+@inline_jit
+def add_torque(a, b, planar):
+    """Sum of two torques."""
+    if planar is None:
+        return add(a, b)
+    return a + b
+
+
+@inline_jit
+def no_load(block, lanes, planar):
+    """A zero force and a zero torque."""
+    zero = constant(0.0, load(block, 0, lanes))
+    if planar is None:
+        return (zero, zero, zero), (zero, zero, zero)
+    return (zero, zero), zero
+
+
+@inline_jit
+def move_node(block, layout, node, pose, force, torque, time_step, drift_step, keep, gain, terms, planar, gradient):
+    """Kick one node with its complete loads, magnets included, and let it drift."""
+    if terms.magnets is not None:
+        for magnet in range(len(layout.magnet_nodes)):
+            if layout.magnet_nodes[magnet] == node:
+                pull = magnet_loads(block, layout, magnet, pose, terms.lanes, planar, gradient)
+                torque = add_torque(torque, pull[0], planar)
+                if gradient is not None:
+                    force = add_force(force, pull[1], planar)
+    row = node_row(layout, planar, node)
+    before = load_motion(block, row, terms.lanes, planar)
+    motion = kicked(before, row, block, force, torque, time_step, keep, gain, terms, planar)
+    if terms.internal_damping is not None:
+        remember_kick(block, layout, node, before, motion, terms.lanes, planar)
+    drift_node(block, row, pose, motion, drift_step, terms.lanes, planar)
+
+
+@jit
+def kick_and_drift(block, layout, terms, planar, nodal, gradient, internal_damping, time_step, drift_step, keep, gain):
+    """One sweep along the rod: loads of element e complete node e, which is kicked and drifts while e + 1 is looked at."""
+    lanes = terms.lanes
+    last = layout.num_elements
+    pose = load_pose(block, layout.nodes, lanes, planar)
+    force, torque = no_load(block, lanes, planar)
+    cosine = load(block, LEAST_COSINE, lanes)
+    for element in range(last):
+        next_pose = load_pose(block, node_row(layout, planar, element + 1), lanes, planar)
+        cosine = minimum(cosine, bend_cosine(pose, next_pose, planar))
+        pull, torque_a, torque_b = element_loads(
+            block, layout, element, pose, next_pose, terms, planar, nodal, internal_damping
+        )
+        if element > 0:
+            total, twist = add_force(force, pull, planar), add_torque(torque, torque_a, planar)
+            move_node(block, layout, element, pose, total, twist, time_step, drift_step, keep, gain, terms, planar, gradient)
+        force, torque, pose = subtract_force(no_load(block, lanes, planar)[0], pull, planar), torque_b, next_pose
+    move_node(block, layout, last, pose, force, torque, time_step, drift_step, keep, gain, terms, planar, gradient)
+    store(block, LEAST_COSINE, cosine, lanes)
+
+
+@inline_jit
+def approach_field(block, terms, blend, largest_change):
+    """Coils over half a step: slew-limited reference towards the target, field towards the reference with a lag."""
+    lanes = terms.lanes
+    for axis in range(3):
+        goal = load(block, TARGET + axis, lanes)
+        if terms.slew is not None:
+            reference = load(block, REFERENCE + axis, lanes)
+            goal = reference + minimum(maximum(goal - reference, -largest_change), largest_change)
+            store(block, REFERENCE + axis, goal, lanes)
+        if terms.lag is not None:
+            field = load(block, FIELD + axis, lanes)
+            goal = field + blend * (goal - field)
+        store(block, FIELD + axis, goal, lanes)
+
+
+@jit
+def run_block(block, layout, terms, planar, nodal, gradient, internal_damping, num_steps, time_step, blend, largest_change):
+    """Step one lane block ``num_steps`` times."""
+    one = constant(1.0, load(block, 0, terms.lanes))
+    keep, gain = one, time_step * one
+    if terms.drag is not None:
+        half_rate = 0.5 * time_step * load(block, DRAG, terms.lanes)
+        keep, gain = (1.0 - half_rate) / (1.0 + half_rate), time_step / (1.0 + half_rate)
+    drift(block, layout, terms, planar, 0.5 * time_step)
+    for step in range(num_steps):
+        if terms.slew is not None or terms.lag is not None:
+            approach_field(block, terms, blend, largest_change)
+        drift_step = time_step if step + 1 < num_steps else 0.5 * time_step
+        kick_and_drift(block, layout, terms, planar, nodal, gradient, internal_damping, time_step, drift_step, keep, gain)
+        if terms.slew is not None or terms.lag is not None:
+            approach_field(block, terms, blend, largest_change)
+
+
+@jit
+def run_blocks(blocks, first, last, layout, terms, num_steps, time_step, blend, largest_change):
+    """Step lane blocks ``first`` to ``last`` (exclusive) of ``blocks`` (num_blocks, rows * L) ``num_steps`` times.
+
+    ``time_step`` s; ``blend`` = 1 - exp(-dt/(2 lag)) and ``largest_change`` (T, over half a step) act only with coils that
+    have a lag or a slew limit.
+    """
+    for b in range(first, last):
+        run_block(
+            blocks[b],
+            layout,
+            terms,
+            terms.planar,
+            terms.nodal,
+            terms.gradient,
+            terms.internal_damping,
+            num_steps,
+            time_step,
+            blend,
+            largest_change,
+        )

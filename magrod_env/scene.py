@@ -1,0 +1,357 @@
+"""What a simulation is about: the rod, its magnets and the loads that act without command; all SI.
+
+A rod of length L is clamped at the origin of the world frame and lies along +x when unloaded. Arc length runs
+from the clamp (0) to the tip (L). The body frame of a section has its first axis along the tangent.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from magrod_env.magnetics import _checks, dipole_moment
+
+Vector = _checks.Vector
+"""Three floats."""
+
+_SAME_PLACE = 1e-9  # positions closer than this share of the rod's length are one place
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Rod:
+    """Straight, uniform, isotropic rod of solid circular or square section.
+
+    There is no shear correction factor, and the torsional stiffness uses the polar moment I2 + I3, both as in
+    the paper (Tables 3-7). For a square section the true torsion constant is 0.1406 width^4, 16 % less than
+    the polar moment.
+
+    Args:
+        shape: "circular" or "square"; `Rod.circular` and `Rod.square` set it.
+        length: length from clamp to tip, m.
+        width: diameter or edge of the section, m.
+        density: mass density, kg/m^3.
+        youngs_modulus: Young's modulus E, Pa.
+        poissons_ratio: Poisson's ratio nu, above -1 and at most 0.5.
+
+    Raises:
+        ValueError: if the shape is unknown or a number is not finite and within these bounds.
+    """
+
+    shape: Literal["circular", "square"]
+    length: float
+    width: float
+    density: float
+    youngs_modulus: float
+    poissons_ratio: float
+
+    def __post_init__(self) -> None:
+        if self.shape not in ("circular", "square"):
+            raise ValueError(
+                f'shape of the rod must be "circular" or "square", but got {self.shape!r}: '
+                "use Rod.circular or Rod.square."
+            )
+        width = "diameter" if self.shape == "circular" else "edge"
+        self._check("length", "length", "metres")
+        self._check("width", width, "metres, 2 mm is 2e-3")
+        self._check("density", "density", "kg/m^3, water has 1000")
+        self._check("youngs_modulus", "Young's modulus", "pascal, 1 MPa is 1e6")
+        ratio = _checks.number(
+            "Poisson's ratio of the rod",
+            self.poissons_ratio,
+            above=-1.0,
+            at_most=0.5,
+            advice="rubber has 0.5, metals about 0.33",
+        )
+        object.__setattr__(self, "poissons_ratio", ratio)
+
+    def _check(self, name: str, words: str, unit: str) -> None:
+        value = _checks.number(
+            f"{words} of the rod", getattr(self, name), above=0.0, advice=f"give it in {unit}"
+        )
+        object.__setattr__(self, name, value)
+
+    @classmethod
+    def circular(
+        cls, *, length: float, diameter: float, density: float, youngs_modulus: float, poissons_ratio: float
+    ) -> Rod:
+        """Return a rod of solid circular section; arguments as in the class."""
+        return cls(
+            shape="circular",
+            length=length,
+            width=diameter,
+            density=density,
+            youngs_modulus=youngs_modulus,
+            poissons_ratio=poissons_ratio,
+        )
+
+    @classmethod
+    def square(
+        cls, *, length: float, edge: float, density: float, youngs_modulus: float, poissons_ratio: float
+    ) -> Rod:
+        """Return a rod of solid square section; arguments as in the class."""
+        return cls(
+            shape="square",
+            length=length,
+            width=edge,
+            density=density,
+            youngs_modulus=youngs_modulus,
+            poissons_ratio=poissons_ratio,
+        )
+
+    @property
+    def area(self) -> float:
+        """Area A of the section, m^2."""
+        return math.pi / 4.0 * self.width**2 if self.shape == "circular" else self.width**2
+
+    @property
+    def second_moment(self) -> float:
+        """Second moment of area I = I2 = I3, m^4."""
+        return math.pi / 64.0 * self.width**4 if self.shape == "circular" else self.width**4 / 12.0
+
+    @property
+    def polar_moment(self) -> float:
+        """Polar moment of area J = I2 + I3, m^4."""
+        return 2.0 * self.second_moment
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus G = E / (2 (1 + nu)), Pa."""
+        return self.youngs_modulus / (2.0 * (1.0 + self.poissons_ratio))
+
+    @property
+    def axial_stiffness(self) -> float:
+        """Stretching stiffness EA, N."""
+        return self.youngs_modulus * self.area
+
+    @property
+    def shear_stiffness(self) -> float:
+        """Shear stiffness GA, N, without a shear correction factor."""
+        return self.shear_modulus * self.area
+
+    @property
+    def bending_stiffness(self) -> float:
+        """Bending stiffness EI, N m^2."""
+        return self.youngs_modulus * self.second_moment
+
+    @property
+    def torsional_stiffness(self) -> float:
+        """Torsional stiffness GJ, N m^2, with the polar moment."""
+        return self.shear_modulus * self.polar_moment
+
+    @property
+    def mass_per_length(self) -> float:
+        """Mass per length rho A, kg/m."""
+        return self.density * self.area
+
+    @property
+    def rotary_inertia_per_length(self) -> float:
+        """Rotary inertia per length rho I about a transverse axis, kg m; twice this about the tangent."""
+        return self.density * self.second_moment
+
+    @property
+    def mass(self) -> float:
+        """Mass of the rod without magnets, kg."""
+        return self.mass_per_length * self.length
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Magnet:
+    """Permanent magnet in the rod: a point mass with a dipole fixed to the section at its centre.
+
+    Not modelled: its rotary inertia, and the stretch of rod that it stiffens.
+
+    Args:
+        position: arc length of its centre from the clamp, m.
+        moment: magnitude of the dipole moment, A m^2.
+        mass: mass, kg.
+        direction: direction of the moment in the body frame, scaled to length 1; the first axis is the
+            tangent.
+        diameter: diameter, m, for drawing; None where it is not known.
+        length: length, m, for drawing; None where it is not known.
+
+    Raises:
+        ValueError: if a number is not finite, negative or (position, diameter, length) zero, or the direction
+            is zero.
+    """
+
+    position: float
+    moment: float
+    mass: float = 0.0
+    direction: Vector = (1.0, 0.0, 0.0)
+    diameter: float | None = None
+    length: float | None = None
+
+    def __post_init__(self) -> None:
+        position = _checks.number(
+            "position of the magnet",
+            self.position,
+            above=0.0,
+            advice="give its arc length from the clamp in metres; at the clamp a magnet cannot act",
+        )
+        moment = _checks.number(
+            "moment of the magnet",
+            self.moment,
+            at_least=0.0,
+            advice="give A m^2 and turn it round with `direction`",
+        )
+        mass = _checks.number(
+            "mass of the magnet", self.mass, at_least=0.0, advice="give it in kg, 1 mg is 1e-6"
+        )
+        direction = _checks.unit_vector(
+            "direction of the magnet",
+            self.direction,
+            advice="(1, 0, 0) points along the tangent towards the tip",
+        )
+        for name, value in (
+            ("position", position),
+            ("moment", moment),
+            ("mass", mass),
+            ("direction", direction),
+        ):
+            object.__setattr__(self, name, value)
+        for name in ("diameter", "length"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _size_of_magnet(name, getattr(self, name)))
+
+    @classmethod
+    def cylinder(
+        cls,
+        *,
+        position: float,
+        diameter: float,
+        length: float,
+        mass: float,
+        remanence: float,
+        direction: Vector = (1.0, 0.0, 0.0),
+    ) -> Magnet:
+        """Return a cylindrical magnet with the moment Br V / mu0 (paper, section 4.3).
+
+        Args:
+            position, mass, direction: as in the class.
+            diameter, length: size of the cylinder, m.
+            remanence: residual flux density Br, T.
+
+        Raises:
+            ValueError: as the class, and if the remanence or a size is not above 0.
+        """
+        volume = (
+            math.pi / 4.0 * _size_of_magnet("diameter", diameter) ** 2 * _size_of_magnet("length", length)
+        )
+        return cls(
+            position=position,
+            moment=dipole_moment(remanence, volume),
+            mass=mass,
+            direction=direction,
+            diameter=diameter,
+            length=length,
+        )
+
+    @classmethod
+    def dipole(
+        cls, *, position: float, moment: float, mass: float = 0.0, direction: Vector = (1.0, 0.0, 0.0)
+    ) -> Magnet:
+        """Return a magnet known by its moment only; arguments as in the class."""
+        return cls(position=position, moment=moment, mass=mass, direction=direction)
+
+    @property
+    def dipole_moment(self) -> np.ndarray:
+        """Dipole moment in the body frame, A m^2, shape (3,)."""
+        return self.moment * np.array(self.direction)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Scene:
+    """A rod, its magnets, gravity and damping; the magnetic field is the command and not part of the scene.
+
+    `None` leaves a term out: it is then absent from the computation, not multiplied by zero.
+
+    Args:
+        rod: the rod.
+        magnets: its magnets, in any order, no two at one position; the order is kept.
+        gravity: acceleration of free fall in the world frame, m/s^2, shape (3,).
+        drag_rate: external viscous drag, 1/s: a force -drag_rate * m * v on each lumped mass, magnets
+            included.
+        internal_damping: Kelvin-Voigt time constant, s: stress is stiffness * (strain + internal_damping *
+            strain rate).
+
+    Raises:
+        ValueError: if an entry is of the wrong kind, a magnet lies off the rod or on another, or a number is
+            negative.
+    """
+
+    rod: Rod
+    magnets: tuple[Magnet, ...] = ()
+    gravity: Vector | None = None
+    drag_rate: float | None = None
+    internal_damping: float | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.rod, Rod):
+            raise ValueError(
+                f"rod of the scene must be a Rod, but got {self.rod!r}: use Rod.circular or Rod.square."
+            )
+        object.__setattr__(self, "magnets", _placed(self.magnets, self.rod.length))
+        if self.gravity is not None:
+            advice = "give a world vector in m/s^2, for instance (0, 0, -9.81), or None for no gravity"
+            object.__setattr__(
+                self, "gravity", _checks.vector("gravity of the scene", self.gravity, advice=advice)
+            )
+        for name, unit in (("drag_rate", "1/s"), ("internal_damping", "seconds")):
+            value = getattr(self, name)
+            if value is not None:
+                advice = f"give it in {unit}, or None to leave it out"
+                value = _checks.number(f"{name} of the scene", value, at_least=0.0, advice=advice)
+                object.__setattr__(self, name, value)
+
+    @property
+    def segment_ends(self) -> tuple[float, ...]:
+        """Arc lengths at which a node must sit, m: the positions of the magnets and the tip, increasing."""
+        return tuple(sorted({magnet.position for magnet in self.magnets} | {self.rod.length}))
+
+    @property
+    def mass(self) -> float:
+        """Mass of the rod with its magnets, kg."""
+        return self.rod.mass + sum(magnet.mass for magnet in self.magnets)
+
+    def replace(self, **changes: Any) -> Scene:
+        """Return a copy with some fields changed; a name that is no field is a TypeError."""
+        return dataclasses.replace(self, **changes)
+
+
+def _size_of_magnet(name: str, value: float) -> float:
+    return _checks.number(f"{name} of the magnet", value, above=0.0, advice="give it in metres, 2 mm is 2e-3")
+
+
+def _placed(magnets: tuple[Magnet, ...], length: float) -> tuple[Magnet, ...]:
+    """Return the magnets as a tuple, those within rounding of the tip exactly at the tip."""
+    if not isinstance(magnets, (tuple, list)) or not all(isinstance(magnet, Magnet) for magnet in magnets):
+        raise ValueError(
+            f"magnets of the scene must be a tuple or list of Magnet, but got {magnets!r}: "
+            "use Magnet.cylinder or Magnet.dipole."
+        )
+    placed = tuple(_on_rod(magnet, length) for magnet in magnets)
+    positions = sorted(magnet.position for magnet in placed)
+    for low, high in itertools.pairwise(positions):
+        if high - low <= _SAME_PLACE * length:
+            raise ValueError(
+                f"magnets of the scene must lie at different positions, but two lie at {low!r} m: "
+                "merge them into one with the sum of their moments and masses."
+            )
+    return placed
+
+
+def _on_rod(magnet: Magnet, length: float) -> Magnet:
+    if abs(magnet.position - length) <= _SAME_PLACE * length:
+        return dataclasses.replace(magnet, position=length)
+    if magnet.position > length:
+        raise ValueError(
+            f"position of a magnet must be at most the rod's length {length!r} m, "
+            f"but got {magnet.position!r} m: "
+            "measure it along the rod from the clamp."
+        )
+    return magnet

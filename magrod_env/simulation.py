@@ -1,0 +1,548 @@
+"""The rod in time: pick the kernel a scene needs, step a batch of rods, turn a status into an exception with advice."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from magrod_env.magnetics import _checks
+from magrod_env.rod.batch import PLANE_AXES, RodBatch
+from magrod_env.rod.energy import BENT, ENERGETIC, NOT_FINITE, STRETCHED
+from magrod_env.rod.equilibrium import LoadCase, StaticModel
+from magrod_env.rod.layout import LEAST_COSINE
+from magrod_env.rod.mesh import RodValues, arc_lengths
+from magrod_env.rod.stability import angular_frequencies
+from magrod_env.scene import Scene
+
+ELEMENTS = ("helical", "nodal")
+PRECISIONS = ("float64", "float32")
+SAFETY = 0.8  # of the bound, for a step that the user leaves to us: deformed states shift the bound
+EXPECTED_FIELD = 80e-3  # T: all three axes at the paper's 45 mT; the default step allows for it
+WATCH_EVERY = 256  # steps
+
+Field = ArrayLike | Callable[[float], ArrayLike] | None
+
+
+class SimulationDiverged(RuntimeError):
+    """A rod left the range in which its numbers mean anything; the message says which, when and what to do."""
+
+
+class StabilityError(RuntimeError):
+    """No stable equilibrium is reached from zero field: the rod buckles or snaps through on the way."""
+
+
+_SYMPTOMS = {
+    NOT_FINITE: "its state is not finite",
+    BENT: "one element has bent by 180 degrees or more: use more elements",
+    STRETCHED: "an element is stretched or squeezed by half its length",
+    ENERGETIC: "its energy rose by more than the field can have put in",
+}
+
+
+def rod_values(scene: Scene) -> tuple[RodValues, tuple[int, ...]]:
+    """The kernels' view of a scene: its values, and the segment at whose end each magnet sits."""
+    rod, ends = scene.rod, scene.segment_ends
+    values = RodValues(
+        ends=np.array(ends),
+        axial=rod.axial_stiffness,
+        shear=rod.shear_stiffness,
+        bending=rod.bending_stiffness,
+        torsion=rod.torsional_stiffness,
+        mass_per_length=rod.mass_per_length,
+        rotary=rod.rotary_inertia_per_length,
+        magnet_masses=np.array([magnet.mass for magnet in scene.magnets] or [0.0]),
+        magnet_moments=np.array([magnet.dipole_moment for magnet in scene.magnets] or [np.zeros(3)]),
+    )
+    return values, tuple(ends.index(magnet.position) for magnet in scene.magnets)
+
+
+def check_plane(scene: Scene, plane: str | None) -> None:
+    """Refuse a scene whose loads leave the plane."""
+    if plane is None:
+        return
+    if plane not in ("xy", "xz"):
+        raise ValueError(f'plane must be "xy", "xz" or None for motion in space, but got {plane!r}: choose one.')
+    across = ({0, 1, 2} - set(PLANE_AXES[plane])).pop()
+    for what, vector in [("gravity", scene.gravity or (0, 0, 0))] + [
+        ("direction of a magnet", magnet.direction) for magnet in scene.magnets
+    ]:
+        if vector[across] != 0.0:
+            raise ValueError(
+                f"{what} must lie in the plane {plane!r} of a planar simulation, but got {vector!r}: "
+                "turn it into the plane, or leave plane=None."
+            )
+
+
+class Simulation:
+    """A batch of equal rods under their own fields, stepped in time.
+
+    The world frame has the clamp at its origin and the straight rod along +x. Rotations map body to world; a section's first
+    body axis is its normal, the tangent of the unsheared rod.
+
+    Args:
+        scene: what is simulated.
+        num_rods: rods in the batch.
+        num_elements: elements along each rod; a node sits at every magnet.
+        element: "helical" (default: exact for uniform strain) or "nodal" (the paper's, which locks in shear).
+        time_step: s; None takes 0.8 of the bound in a field of 80 mT, straight or sagging under twice gravity.
+        precision: "float64" or "float32".
+        plane: None for motion in space; "xz" or "xy" computes motion in that plane only, with the same result at less cost.
+        frequency_shaping: with element="nodal", divide E by the locking factor 1 + GA h^2/(4 EI) of the longest element.
+        on_failure: "raise" SimulationDiverged after a step that a rod did not survive, or only "report" it in `status`.
+        num_threads: threads that share the batch; None for one a core.
+
+    Raises:
+        ValueError: on bad input, among it a time step beyond `stable_time_step`.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        num_rods: int = 1,
+        num_elements: int = 6,
+        element: str = "helical",
+        time_step: float | None = None,
+        precision: str = "float64",
+        plane: str | None = None,
+        frequency_shaping: bool = False,
+        on_failure: str = "raise",
+        num_threads: int | None = None,
+    ) -> None:
+        if not isinstance(scene, Scene):
+            raise ValueError(f"scene must be a Scene, but got {scene!r}: build one or use load_scene(name).")
+        num_rods = int(_checks.count("num_rods", num_rods, advice="give the number of rods in the batch"))
+        num_elements = int(_checks.count("num_elements", num_elements, advice="6 is a good start"))
+        _check_choice("element", element, ELEMENTS)
+        _check_choice("precision", precision, PRECISIONS)
+        _check_choice("on_failure", on_failure, ("raise", "report"))
+        check_plane(scene, plane)
+        if element == "nodal" and scene.internal_damping is not None:
+            raise ValueError(
+                'internal_damping must be None with element="nodal", which the paper has without it, '
+                f'but got {scene.internal_damping!r}: use element="helical".'
+            )
+        self.scene, self.num_rods, self.num_elements, self.element = scene, num_rods, num_elements, element
+        self.precision, self.plane, self.on_failure = precision, plane, on_failure
+        self._values, segments = rod_values(scene)
+        if frequency_shaping:
+            self._values = _shaped(self._values, element, num_elements)
+        self._batch = RodBatch(
+            self._values,
+            segments,
+            num_rods=num_rods,
+            num_elements=num_elements,
+            nodal=element == "nodal",
+            precision=precision,
+            plane=plane,
+            gravity=scene.gravity,
+            drag_rate=scene.drag_rate,
+            internal_damping=scene.internal_damping,
+            num_threads=num_threads,
+        )
+        self._static = StaticModel(self._values, self._batch.counts, segments, element == "nodal", scene.gravity)
+        self._time = 0.0
+        self._field, self._gradient = np.zeros((num_rods, 3)), np.zeros((num_rods, 3, 3))
+        self.time_step = self._checked_step(time_step)
+        self.reset()
+
+    # ---- the time step
+
+    @cached_property
+    def stable_time_step(self) -> float:
+        """Largest stable time step of the straight rod without field, s (see also `stable_time_step_in`)."""
+        return self.stable_time_step_in(0.0)
+
+    def stable_time_step_in(self, field_magnitude: float) -> float:
+        """Largest stable time step, s, of the straight rod in a field of any direction up to `field_magnitude` (T)."""
+        return self._static.stable_time_step(field_magnitude, self.plane, self.scene.internal_damping or 0.0)
+
+    def _checked_step(self, time_step: float | None) -> float:
+        if time_step is None:
+            return SAFETY * self._static.working_time_step(
+                EXPECTED_FIELD if self.scene.magnets else 0.0, self.plane, self.scene.internal_damping or 0.0
+            )
+        step = _checks.number("time_step", time_step, above=0.0, advice="give it in seconds, or None for a stable one")
+        if step > self.stable_time_step:
+            raise ValueError(
+                f"time_step must be at most {self.stable_time_step:.3g} s, the stability bound of this rod with "
+                f"{self.num_elements} elements, but got {step:.3g} s: lower it, or num_elements, or leave it None."
+            )
+        return step
+
+    def _check_field_strength(self) -> None:
+        largest = float(np.linalg.norm(self._field, axis=1).max())
+        if self.scene.magnets and largest > self._safe_field:
+            bound = self.stable_time_step_in(largest)
+            if self.time_step > bound:
+                raise ValueError(
+                    f"time_step must be at most {bound:.3g} s in a field of {largest:.3g} T, but is {self.time_step:.3g} s: "
+                    "give Simulation a smaller time_step."
+                )
+            self._safe_field = largest
+
+    # ---- running
+
+    def reset(self, field: ArrayLike | None = None) -> None:
+        """Start again at time 0 and at rest.
+
+        Args:
+            field: None lays the rods straight along +x with no field. A field (3,) or (num_rods, 3), T, puts each rod into the
+                static equilibrium that it reaches when gravity and then this field are turned on slowly.
+
+        Raises:
+            ValueError: if the field is not finite, has another shape or leaves the plane.
+            StabilityError: if a rod buckles or snaps through on the way.
+        """
+        self._time = 0.0
+        self._safe_field = 0.0
+        self._batch.status[:] = 0
+        self._gradient[:] = 0.0
+        self._batch.set_gradient(self._gradient, 0.0)
+        self._field = np.zeros((self.num_rods, 3)) if field is None else self._checked_field(field)
+        self._batch.set_field(self._field)
+        if field is None:
+            positions, quaternions = self._static.straight()
+            positions = np.broadcast_to(positions, (self.num_rods, *positions.shape))
+            quaternions = np.broadcast_to(quaternions, (self.num_rods, *quaternions.shape))
+        else:
+            positions, quaternions = self._equilibria(self._field)
+        self._write_state(positions, quaternions)
+        self._batch.mark()
+
+    def _equilibria(self, fields: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        different, index = np.unique(fields, axis=0, return_inverse=True)
+        shapes = []
+        for field in different:
+            case = self._static.equilibrium(field)
+            if not case.reached:
+                raise StabilityError(_lost(case, field))
+            shapes.append(case)
+        index = index.ravel()
+        return (
+            np.stack([shape.positions for shape in shapes])[index],
+            np.stack([shape.quaternions for shape in shapes])[index],
+        )
+
+    def equilibrium(self, field: ArrayLike = (0.0, 0.0, 0.0), gradient: ArrayLike | None = None) -> LoadCase:
+        """Static equilibrium in one field, without touching the simulation's state.
+
+        Args:
+            field: (3,) T, world, at the origin. gradient: (3, 3) T/m, dB_i/dx_j, or None.
+
+        Returns:
+            positions (num_nodes, 3) m, rotations (num_nodes, 3, 3), whether it was `reached`, and the `share` of the loads
+            (0-1 gravity, 1-2 field) at which stability was lost where it was not.
+        """
+        one = _checks.vector("field", field, advice="give a world vector in tesla")
+        slopes = None if gradient is None else np.asarray(gradient, float)
+        if slopes is not None and (slopes.shape != (3, 3) or not np.isfinite(slopes).all()):
+            raise ValueError(f"gradient must be finite of shape (3, 3), but got {gradient!r}: give dB_i/dx_j in T/m.")
+        return self._static.equilibrium(np.array(one), slopes)
+
+    def advance(self, duration: float, field: Field = None, gradient: ArrayLike | None = None) -> None:
+        """Step all rods over `duration` (s), in equal steps no longer than `time_step`.
+
+        Args:
+            duration: s.
+            field: T, world, (3,) or (num_rods, 3), constant over the duration; or a function of time (s) that returns one,
+                sampled in the middle of every step; None keeps the last.
+            gradient: T/m, (3, 3) or (num_rods, 3, 3): dB_i/dx_j; the field is then `field` + gradient @ position and pulls the
+                magnets; None keeps the last, which is zero after a reset.
+
+        Raises:
+            ValueError: on a wrong shape, NaN, a field that leaves the plane or is too strong for the time step.
+            SimulationDiverged: if a rod fails and `on_failure` is "raise"; the other rods are then where they should be.
+        """
+        duration = _checks.number("duration", duration, at_least=0.0, advice="give it in seconds")
+        if gradient is not None:
+            self._set_gradient(gradient)
+        if duration == 0.0:
+            if field is not None and not callable(field):
+                self._set_field(self._checked_field(field))
+            return
+        steps = max(1, math.ceil(duration / self.time_step - 1e-9))
+        step = duration / steps
+        if callable(field):
+            start = self._time
+            for k in range(steps):
+                self._set_field(self._checked_field(field(start + (k + 0.5) * step)))
+                self._batch.run(1, step)
+                self._time = start + (k + 1) * step
+                if (k + 1) % WATCH_EVERY == 0:
+                    self._watch()
+        else:
+            if field is not None:
+                self._set_field(self._checked_field(field))
+            start = self._time
+            for first in range(0, steps, WATCH_EVERY):
+                count = min(WATCH_EVERY, steps - first)
+                self._batch.run(count, step)
+                self._time = start + (first + count) * step
+                if first + count < steps:
+                    self._watch()
+        self._watch()
+
+    def _watch(self) -> None:
+        self._batch.watch()
+        failed = np.flatnonzero(self._batch.status)
+        if len(failed) and self.on_failure == "raise":
+            rod = int(failed[0])
+            raise SimulationDiverged(
+                f"rod {rod} left the stable range by t = {self._time:.4g} s: {_SYMPTOMS[int(self._batch.status[rod])]}; "
+                f"the time step is {self.time_step:.3g} s and the bound of the straight rod {self.stable_time_step:.3g} s: "
+                "lower time_step, or use more elements where the rod bends sharply."
+            )
+
+    def _checked_field(self, field: Any) -> np.ndarray:
+        array = np.asarray(field, float)
+        if array.shape not in ((3,), (self.num_rods, 3)) or not np.isfinite(array).all():
+            raise ValueError(
+                f"field must be finite of shape (3,) or ({self.num_rods}, 3), but got "
+                f"{'shape ' + str(array.shape) if array.size > 6 else repr(field)}: give world vectors in tesla."
+            )
+        array = np.array(np.broadcast_to(array, (self.num_rods, 3)))
+        if self.plane is not None:
+            across = ({0, 1, 2} - set(PLANE_AXES[self.plane])).pop()
+            if np.any(array[:, across] != 0.0):
+                raise ValueError(
+                    f"field must lie in the plane {self.plane!r} of this planar simulation, but got {field!r}: "
+                    "leave out the component across it, or use plane=None."
+                )
+        return array
+
+    def _set_field(self, field: np.ndarray) -> None:
+        self._field = field
+        self._check_field_strength()
+        self._batch.set_field(field)
+
+    def _set_gradient(self, gradient: ArrayLike) -> None:
+        array = np.asarray(gradient, float)
+        if array.shape not in ((3, 3), (self.num_rods, 3, 3)) or not np.isfinite(array).all():
+            raise ValueError(
+                f"gradient must be finite of shape (3, 3) or ({self.num_rods}, 3, 3), but got shape {array.shape}: "
+                "give dB_i/dx_j in T/m."
+            )
+        self._gradient = np.array(np.broadcast_to(array, (self.num_rods, 3, 3)))
+        self._batch.use_gradient()
+        self._batch.set_gradient(self._gradient, 2.0 * self.scene.rod.length)
+
+    # ---- state
+
+    @property
+    def time(self) -> float:
+        """Time since the last reset, s."""
+        return self._time
+
+    @property
+    def field(self) -> np.ndarray:
+        """Field at the origin, T, world, (num_rods, 3)."""
+        return self._field.copy()
+
+    @property
+    def status(self) -> np.ndarray:
+        """0 for a rod that is well; 1 not finite, 2 an element bent by pi, 3 stretched, 4 too energetic; (num_rods,)."""
+        return self._batch.status.copy()
+
+    @property
+    def arc_lengths(self) -> np.ndarray:
+        """Arc length of every node, m, (num_nodes,)."""
+        return arc_lengths(self._values.ends, self._batch.counts)
+
+    @property
+    def magnet_nodes(self) -> tuple[int, ...]:
+        """Node of each magnet of the scene."""
+        return self._batch.layout.magnet_nodes if self.scene.magnets else ()
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Positions of the nodes, m, world, (num_rods, num_nodes, 3)."""
+        return self._to_space(self._batch.nodes(self._batch.node_rows.position, len(self._batch.axes)))
+
+    @property
+    def tip_position(self) -> np.ndarray:
+        """Position of the tip, m, world, (num_rods, 3)."""
+        return self.positions[:, -1].copy()
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """Velocities of the nodes, m/s, world, (num_rods, num_nodes, 3)."""
+        return self._to_space(self._batch.nodes(self._batch.node_rows.velocity, len(self._batch.axes)))
+
+    @property
+    def rotations(self) -> np.ndarray:
+        """Rotation matrices of the sections, body to world, (num_rods, num_nodes, 3, 3)."""
+        w, x, y, z = np.moveaxis(self._quaternions(), -1, 0)
+        rows = [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+        return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+    @property
+    def angular_velocities(self) -> np.ndarray:
+        """Angular velocities of the sections, rad/s, body frame, (num_rods, num_nodes, 3)."""
+        return self._momenta() * (2.0 * self._compliance())
+
+    def _quaternions(self) -> np.ndarray:
+        if self.plane is None:
+            return self._batch.nodes(self._batch.node_rows.rotation, 4)
+        w, z = np.moveaxis(self._batch.nodes(self._batch.node_rows.rotation, 2), -1, 0)
+        zero = np.zeros_like(w)
+        return np.stack((w, zero, zero, z) if self.plane == "xy" else (w, zero, -z, zero), axis=-1)
+
+    def _momenta(self) -> np.ndarray:
+        """Body angular momentum of the sections, kg m^2/s, (num_rods, num_nodes, 3)."""
+        if self.plane is None:
+            return self._batch.nodes(self._batch.node_rows.momentum, 3)
+        momentum = self._batch.nodes(self._batch.node_rows.momentum, 1)[..., 0]
+        zero = np.zeros_like(momentum)
+        return np.stack((zero, zero, momentum) if self.plane == "xy" else (zero, -momentum, zero), axis=-1)
+
+    def _compliance(self) -> np.ndarray:
+        """1/(2 J) about each body axis, (num_rods, num_nodes, 3)."""
+        if self.plane is None:
+            return self._batch.nodes(self._batch.node_rows.compliance, 2)[..., [0, 1, 1]]
+        return np.repeat(self._batch.nodes(self._batch.node_rows.compliance, 1), 3, axis=-1)
+
+    def _to_space(self, flat: np.ndarray) -> np.ndarray:
+        if self.plane is None:
+            return flat
+        full = np.zeros((*flat.shape[:-1], 3))
+        full[..., list(self._batch.axes)] = flat
+        return full
+
+    def _write_state(
+        self,
+        positions: np.ndarray,
+        quaternions: np.ndarray,
+        velocities: np.ndarray | None = None,
+        momenta: np.ndarray | None = None,
+    ) -> None:
+        batch, rows = self._batch, self._batch.node_rows
+        still = np.zeros(positions.shape)
+        velocities = still if velocities is None else velocities
+        momenta = still if momenta is None else momenta
+        if self.plane is not None:
+            axes = list(batch.axes)
+            positions, velocities = positions[..., axes], velocities[..., axes]
+            turned = quaternions[..., [0, 3]] if self.plane == "xy" else quaternions[..., [0, 2]] * (1, -1)
+            momenta = momenta[..., [2]] if self.plane == "xy" else -momenta[..., [1]]
+            quaternions = turned
+        batch.set_nodes(rows.position, positions)
+        batch.set_nodes(rows.rotation, quaternions)
+        batch.set_nodes(rows.velocity, velocities)
+        batch.set_nodes(rows.momentum, momenta)
+        batch.rows[:, batch.layout.history :] = 0.0
+        batch.rows[:, LEAST_COSINE] = 1.0
+
+    def set_motion(self, velocities: ArrayLike, angular_velocities: ArrayLike | None = None) -> None:
+        """Give the nodes velocities (m/s, world) and angular velocities (rad/s, body), both (num_rods, num_nodes, 3).
+
+        The clamp's entries are ignored.
+
+        Raises:
+            ValueError: on another shape or a number that is not finite.
+        """
+        shape = (self.num_rods, self.num_elements + 1, 3)
+        arrays = []
+        for name, value in (("velocities", velocities), ("angular_velocities", angular_velocities)):
+            array = np.zeros(shape) if value is None else np.array(value, float)
+            if array.shape != shape or not np.isfinite(array).all():
+                raise ValueError(f"{name} must be finite of shape {shape}, but got shape {array.shape}: one row a node.")
+            array[:, 0] = 0.0
+            arrays.append(array)
+        momenta = arrays[1] / (2.0 * np.where(self._compliance() > 0.0, self._compliance(), 1.0))
+        self._write_state(self.positions, self._quaternions(), arrays[0], momenta)
+        self._batch.mark()
+
+    def snapshot(self) -> dict[str, Any]:
+        """Everything that changes in time, to go back to with `restore`: for planning, estimation and branching."""
+        return {
+            "blocks": self._batch.blocks.copy(),
+            "status": self._batch.status.copy(),
+            "time": self._time,
+            "field": self._field.copy(),
+            "gradient": self._gradient.copy(),
+        }
+
+    def restore(self, snapshot: dict[str, Any]) -> None:
+        """Go back to a `snapshot` of this simulation, or of one with the same arguments."""
+        if snapshot["blocks"].shape != self._batch.blocks.shape:
+            raise ValueError("snapshot must come from a simulation of the same scene and size, but its shape differs: take one.")
+        self._batch.blocks[:] = snapshot["blocks"]
+        self._batch.status[:] = snapshot["status"]
+        self._batch.travel[:] = 0.0
+        self._time = snapshot["time"]
+        self._field, self._gradient = snapshot["field"].copy(), snapshot["gradient"].copy()
+
+    # ---- what the rods carry
+
+    def energies(self) -> dict[str, np.ndarray]:
+        """Kinetic, elastic, gravitational and magnetic energy, J, (num_rods,) each; the clamp's node is the zero of gravity."""
+        return self._batch.energies()
+
+    def energy(self) -> np.ndarray:
+        """Total energy, J, (num_rods,)."""
+        return np.sum(list(self.energies().values()), axis=0)
+
+    @property
+    def node_masses(self) -> np.ndarray:
+        """Lumped mass of each node, magnets included, kg, (num_rods, num_nodes); the clamp's is not part of the motion: 0."""
+        inverse = self._batch.nodes(self._batch.node_rows.inverse_mass, 1)[..., 0]
+        masses = 1.0 / inverse
+        masses[:, 0] = 0.0
+        return masses
+
+    def linear_momentum(self) -> np.ndarray:
+        """Linear momentum, kg m/s, world, (num_rods, 3)."""
+        return np.einsum("rn,rnk->rk", self.node_masses, self.velocities)
+
+    def angular_momentum(self) -> np.ndarray:
+        """Angular momentum about the clamp, kg m^2/s, world, (num_rods, 3)."""
+        orbital = np.cross(self.positions, self.node_masses[..., None] * self.velocities)
+        return (orbital + np.einsum("rnij,rnj->rni", self.rotations, self._momenta()))[:, 1:].sum(axis=1)
+
+    def natural_frequencies(self, field: ArrayLike | None = None) -> np.ndarray:
+        """Natural frequencies (Hz, increasing) of small vibrations about the equilibrium in `field`, (3,) T; None: straight, no load.
+
+        NaN stands for directions in which the state is unstable.
+        """
+        case = None if field is None else self.equilibrium(field)
+        stiffness, inertia = self._static.linearise(case)
+        return angular_frequencies(stiffness, inertia, self.plane) / (2.0 * math.pi)
+
+
+def _check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, but got {value!r}: choose one of them.")
+
+
+def _shaped(values: RodValues, element: str, num_elements: int) -> RodValues:
+    """Values with E divided by the locking factor of the paper's element (every stiffness is proportional to E)."""
+    if element != "nodal":
+        raise ValueError(
+            f'frequency_shaping must be False with element={element!r}, which does not lock: use it with element="nodal".'
+        )
+    h = values.ends[-1] / num_elements
+    factor = 1.0 / (1.0 + values.shear * h**2 / (4.0 * values.bending))
+    return values._replace(
+        axial=values.axial * factor,
+        shear=values.shear * factor,
+        bending=values.bending * factor,
+        torsion=values.torsion * factor,
+    )
+
+
+def _lost(case: LoadCase, field: np.ndarray) -> str:
+    share = f"{100 * case.share:.3g} % of gravity" if case.share < 1.0 else f"{100 * (case.share - 1):.3g} % of the field"
+    return (
+        f"field must lead to a stable equilibrium from zero, but at {field.tolist()} T the rod loses stability (it buckles or "
+        f"snaps through) at {share}: start from a weaker field and let the dynamics carry the rod over."
+    )

@@ -1,0 +1,77 @@
+"""Recomputes reference.npz beside this file, case by case: python -m tests.reference.make_reference [case ...]
+
+Every dynamic case runs on three settings: the reference, a coarser mesh (error in s) and a looser tolerance (error in t); the largest
+tip distances over the run are stored beside the data, so a test can see how far the truth is to be trusted. See README.md.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from .cases import DYNAMIC, STATIC, STIFFER, TIMES, inner_cuts
+from .spectral_rod import Mesh, to_world
+
+FILE = Path(__file__).with_name("reference.npz")
+REFERENCE = dict(elements=8, degree=8, tolerance=1e-11)
+COARSER_MESH = dict(elements=5, degree=9, tolerance=1e-11)
+LOOSER_TIME = dict(elements=8, degree=8, tolerance=1e-8)
+
+
+def trajectory(case, *, elements, degree, tolerance):
+    """Positions (times, magnets, 3) and tangents (times, magnets, 3) of the magnets, and the energy (times,)."""
+    mesh = Mesh(case, degree, inner_cuts(case, elements))
+    states = mesh.run(TIMES, tolerance)
+    q = np.array([mesh.split(y)[1][mesh.magnet_node] for y in states])
+    tangent = np.stack(to_world(np.moveaxis(q, -1, 0), (1.0, 0.0, 0.0)), axis=-1)
+    position = np.array([mesh.split(y)[0][mesh.magnet_node] for y in states])
+    energy = np.array([mesh.energy(y, t) for y, t in zip(states, TIMES)])
+    return position, tangent, energy
+
+
+def dynamic(name):
+    """The arrays stored for one dynamic case."""
+    case = DYNAMIC[name]
+    position, tangent, energy = trajectory(case, **REFERENCE)
+    out = {"time": TIMES, "tip": position[:, 0], "tip_tangent": tangent[:, 0], "energy": energy}
+    if len(case.magnets) == 2:
+        out |= {"middle": position[:, 1]}
+    for key, setting in {"error_space": COARSER_MESH, "error_time": LOOSER_TIME}.items():
+        out[key] = np.linalg.norm(trajectory(case, **setting)[0] - position, axis=-1).max()
+    return {f"{name}_{key}": value for key, value in out.items()}
+
+
+def equilibrium(field, *, elements, degree):
+    """Tip position and tangent of the state reached by raising gravity, then the field, in small steps from the straight rod."""
+    state = None
+    for load in (0.25, 0.5, 0.75, 1.0):
+        case = replace(STIFFER, gravity=(0.0, 0.0, -9.81 * load))
+        mesh = Mesh(case, degree, inner_cuts(case, elements))
+        state = mesh.equilibrium(np.zeros(3), state)
+    for load in np.linspace(0, 1, 9)[1:]:
+        state = mesh.equilibrium(load * field, state)
+    p, q, _, _ = mesh.split(state)
+    return p[-1], to_world(q[-1], (1.0, 0.0, 0.0))
+
+
+def static():
+    """The arrays stored for the static cases."""
+    out = {}
+    for name, field in STATIC.items():
+        tip, tangent = equilibrium(field, elements=2, degree=10)
+        coarser, _ = equilibrium(field, elements=1, degree=14)
+        out |= {f"{name}_field": field, f"{name}_tip": tip, f"{name}_tip_tangent": np.array(tangent), f"{name}_error_space": np.linalg.norm(coarser - tip)}
+    return out
+
+
+def main(names):
+    for name in names or [*DYNAMIC, "static"]:
+        stored = dict(np.load(FILE)) if FILE.exists() else {}
+        new = static() if name == "static" else dynamic(name)
+        np.savez_compressed(FILE, **stored | new)
+        print(name, *(f"{key.removeprefix(name + '_')} {value:.1e} m" for key, value in new.items() if "error" in key), flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
