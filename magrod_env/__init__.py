@@ -1,9 +1,12 @@
 """Magnetic steering of soft continuum manipulators: rod physics and Gymnasium environments."""
 
 from magrod_env.magnetics import Actuator, UniformCoils
+from magrod_env.registration import register_all
 from magrod_env.scene import Magnet, Rod, Scene
 from magrod_env.scenes import load_scene, paper_scene, scene_names
 from magrod_env.simulation import Simulation, SimulationDiverged, StabilityError
+
+register_all()
 
 __version__ = "0.1.0"
 

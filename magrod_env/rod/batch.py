@@ -16,6 +16,7 @@ from magrod_env.rod.layout import (
     LEAST_COSINE,
     PLANAR,
     SPATIAL,
+    SPIN_DRAG,
     Terms,
     make_blocks,
     make_layout,
@@ -48,6 +49,7 @@ class RodBatch:
         plane: str | None,
         gravity,
         drag_rate: float | None,
+        spin_drag_rate: float | None,
         internal_damping: float | None,
         slew: bool = False,
         lag: bool = False,
@@ -67,6 +69,7 @@ class RodBatch:
             gravity=present(gravity is not None),
             magnets=present(len(magnet_segments) > 0),
             drag=present(drag_rate is not None),
+            spin_drag=present(spin_drag_rate is not None),
             internal_damping=present(internal_damping is not None),
             slew=present(slew),
             lag=present(lag),
@@ -90,6 +93,7 @@ class RodBatch:
             )
         self.rows[:, LEAST_COSINE] = 1.0
         self.rows[:, DRAG] = drag_rate or 0.0
+        self.rows[:, SPIN_DRAG] = spin_drag_rate or 0.0
         self.rows[:, DAMPING] = internal_damping or 0.0
         if gravity is not None:
             self.rows[:, GRAVITY : GRAVITY + len(self.axes)] = np.asarray(gravity, float)[list(self.axes), None]

@@ -8,8 +8,8 @@ from magrod_env._jit import PRESENT
 from magrod_env.rod import stability
 from magrod_env.rod.layout import Terms, make_blocks, make_layout, rows_of
 from magrod_env.rod.mesh import RodValues, write_rod
-from magrod_env.rod.statics import REACHED, find_equilibrium, set_loads
-from magrod_env.rod.tangent import LANES
+from magrod_env.rod.statics import REACHED, find_equilibrium, relax, set_loads
+from magrod_env.rod.tangent import BAND, LANES
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,20 @@ class StaticModel:
             block, self.layout, self.terms, self.terms.nodal, present, np.array(field, float), slopes, positions, quaternions
         )
         return LoadCase(positions, quaternions, status == REACHED, float(share), np.array(field, float), slopes)
+
+    def follow(self, case: LoadCase, field) -> LoadCase:
+        """Equilibrium in ``field`` (3,) T, continued from one nearby; from zero field where that is too far."""
+        block = self._block.copy()
+        positions, quaternions = case.positions.copy(), case.quaternions.copy()
+        field, slopes = np.array(field, float), np.zeros(9)
+        set_loads(block, self.terms, 2.0, self.gravity, field, slopes)
+        size = 6 * self.layout.num_elements
+        residual, band = np.zeros(size), np.zeros((size, BAND))
+        if case.reached and relax(
+            block, self.layout, self.terms, self.terms.nodal, None, positions, quaternions, residual, band
+        ):
+            return LoadCase(positions, quaternions, True, 2.0, field, slopes)
+        return self.equilibrium(field)
 
     def linearise(self, case: LoadCase | None):
         """Dense stiffness and lumped inertia at an equilibrium; None: straight and without load."""

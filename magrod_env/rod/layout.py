@@ -20,7 +20,8 @@ DRAG = 21  # 1, 1/s
 DAMPING = 22  # 1, s: Kelvin-Voigt time
 LEAST_COSINE = 23  # 1: least cos(theta/2) of any element since it was last set: 0 is a bend of pi in one element
 ENERGY = 24  # 1, J: energy at the last watchdog look
-ROD_ROWS = 25
+SPIN_DRAG = 25  # 1, 1/s
+ROD_ROWS = 26
 
 # rows of an element
 LENGTH, INVERSE_LENGTH, AXIAL, SHEAR, BENDING, TORSION = range(6)  # m, 1/m, EA, GA* (N), EI/h, GJ/h (N m)
@@ -53,6 +54,7 @@ class Terms(NamedTuple):
     magnets: Present | None = None
     gradient: Present | None = None
     drag: Present | None = None
+    spin_drag: Present | None = None
     internal_damping: Present | None = None
     slew: Present | None = None
     lag: Present | None = None

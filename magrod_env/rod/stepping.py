@@ -8,7 +8,7 @@ as forcing. Branches on ``terms`` are decided when the kernel is compiled.
 
 from magrod_env._jit import inline_jit, jit
 from magrod_env._simd import constant, load, maximum, minimum, store
-from magrod_env.rod.layout import DRAG, FIELD, GRAVITY, LEAST_COSINE, PLANAR, REFERENCE, SPATIAL, TARGET
+from magrod_env.rod.layout import DRAG, FIELD, GRAVITY, LEAST_COSINE, PLANAR, REFERENCE, SPATIAL, SPIN_DRAG, TARGET
 from magrod_env.rod.loads import (
     bend_cosine,
     element_loads,
@@ -53,8 +53,9 @@ def drift(block, layout, terms, planar, time_step):
 
 
 @inline_jit
-def kicked(motion, row, block, force, torque, time_step, keep, gain, terms, planar):
-    """Motion of a node after the loads have acted for ``time_step``; drag semi-implicit: v <- keep v + gain (f/m + g)."""
+def kicked(motion, row, block, force, torque, brakes, terms, planar):
+    """Motion of a node after a kick; drag semi-implicit: v <- keep v + gain (f/m + g), and so for the spin."""
+    keep, gain, keep_spin, gain_spin = brakes
     velocity, momentum = motion
     if planar is None:
         acceleration = scale(load(block, row + SPATIAL.inverse_mass, terms.lanes), force)
@@ -62,14 +63,18 @@ def kicked(motion, row, block, force, torque, time_step, keep, gain, terms, plan
             acceleration = add(acceleration, load3(block, GRAVITY, terms.lanes))
         if terms.drag is not None:
             velocity = scale(keep, velocity)
-        return add_scaled(velocity, gain, acceleration), add_scaled(momentum, time_step, torque)
+        if terms.spin_drag is not None:
+            momentum = scale(keep_spin, momentum)
+        return add_scaled(velocity, gain, acceleration), add_scaled(momentum, gain_spin, torque)
     inverse_mass = load(block, row + PLANAR.inverse_mass, terms.lanes)
     a, b = inverse_mass * force[0], inverse_mass * force[1]
     if terms.gravity is not None:
         a, b = a + load(block, GRAVITY, terms.lanes), b + load(block, GRAVITY + 1, terms.lanes)
     if terms.drag is not None:
         velocity = (keep * velocity[0], keep * velocity[1])
-    return (velocity[0] + gain * a, velocity[1] + gain * b), momentum + time_step * torque
+    if terms.spin_drag is not None:
+        momentum = keep_spin * momentum
+    return (velocity[0] + gain * a, velocity[1] + gain * b), momentum + gain_spin * torque
 
 
 @inline_jit
@@ -119,7 +124,7 @@ def no_load(block, lanes, planar):
 
 
 @inline_jit
-def move_node(block, layout, node, pose, force, torque, time_step, drift_step, keep, gain, terms, planar, gradient):
+def move_node(block, layout, node, pose, force, torque, drift_step, brakes, terms, planar, gradient):
     """Kick one node with its complete loads, magnets included, and let it drift."""
     if terms.magnets is not None:
         for magnet in range(len(layout.magnet_nodes)):
@@ -130,14 +135,14 @@ def move_node(block, layout, node, pose, force, torque, time_step, drift_step, k
                     force = add_force(force, pull[1], planar)
     row = node_row(layout, planar, node)
     before = load_motion(block, row, terms.lanes, planar)
-    motion = kicked(before, row, block, force, torque, time_step, keep, gain, terms, planar)
+    motion = kicked(before, row, block, force, torque, brakes, terms, planar)
     if terms.internal_damping is not None:
         remember_kick(block, layout, node, before, motion, terms.lanes, planar)
     drift_node(block, row, pose, motion, drift_step, terms.lanes, planar)
 
 
 @jit
-def kick_and_drift(block, layout, terms, planar, nodal, gradient, internal_damping, time_step, drift_step, keep, gain):
+def kick_and_drift(block, layout, terms, planar, nodal, gradient, internal_damping, drift_step, brakes):
     """One sweep along the rod: loads of element e complete node e, which is kicked and drifts while e + 1 is looked at."""
     lanes = terms.lanes
     last = layout.num_elements
@@ -152,9 +157,9 @@ def kick_and_drift(block, layout, terms, planar, nodal, gradient, internal_dampi
         )
         if element > 0:
             total, twist = add_force(force, pull, planar), add_torque(torque, torque_a, planar)
-            move_node(block, layout, element, pose, total, twist, time_step, drift_step, keep, gain, terms, planar, gradient)
+            move_node(block, layout, element, pose, total, twist, drift_step, brakes, terms, planar, gradient)
         force, torque, pose = subtract_force(no_load(block, lanes, planar)[0], pull, planar), torque_b, next_pose
-    move_node(block, layout, last, pose, force, torque, time_step, drift_step, keep, gain, terms, planar, gradient)
+    move_node(block, layout, last, pose, force, torque, drift_step, brakes, terms, planar, gradient)
     store(block, LEAST_COSINE, cosine, lanes)
 
 
@@ -174,20 +179,28 @@ def approach_field(block, terms, blend, largest_change):
         store(block, FIELD + axis, goal, lanes)
 
 
+@inline_jit
+def braking(block, row, drag, time_step, lanes):
+    """Factors of a semi-implicit linear drag over one step: what is kept of a motion, and what a unit load adds."""
+    one = constant(1.0, load(block, 0, lanes))
+    if drag is None:
+        return one, time_step * one
+    half_rate = 0.5 * time_step * load(block, row, lanes)
+    return (1.0 - half_rate) / (1.0 + half_rate), time_step / (1.0 + half_rate)
+
+
 @jit
 def run_block(block, layout, terms, planar, nodal, gradient, internal_damping, num_steps, time_step, blend, largest_change):
     """Step one lane block ``num_steps`` times."""
-    one = constant(1.0, load(block, 0, terms.lanes))
-    keep, gain = one, time_step * one
-    if terms.drag is not None:
-        half_rate = 0.5 * time_step * load(block, DRAG, terms.lanes)
-        keep, gain = (1.0 - half_rate) / (1.0 + half_rate), time_step / (1.0 + half_rate)
+    keep, gain = braking(block, DRAG, terms.drag, time_step, terms.lanes)
+    keep_spin, gain_spin = braking(block, SPIN_DRAG, terms.spin_drag, time_step, terms.lanes)
+    brakes = (keep, gain, keep_spin, gain_spin)
     drift(block, layout, terms, planar, 0.5 * time_step)
     for step in range(num_steps):
         if terms.slew is not None or terms.lag is not None:
             approach_field(block, terms, blend, largest_change)
         drift_step = time_step if step + 1 < num_steps else 0.5 * time_step
-        kick_and_drift(block, layout, terms, planar, nodal, gradient, internal_damping, time_step, drift_step, keep, gain)
+        kick_and_drift(block, layout, terms, planar, nodal, gradient, internal_damping, drift_step, brakes)
         if terms.slew is not None or terms.lag is not None:
             approach_field(block, terms, blend, largest_change)
 

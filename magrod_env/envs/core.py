@@ -1,0 +1,318 @@
+"""The batch of rods that every environment is: actions in, arrays out; the single environment is a batch of one."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from gymnasium.utils import seeding
+
+from magrod_env._jit import PRESENT
+from magrod_env.envs.kernels import (
+    Episodes,
+    Optics,
+    Outcome,
+    Scales,
+    add_travel,
+    begin_episodes,
+    copy_starts,
+    make_rods,
+    observe_all,
+    observe_some,
+    write_commands,
+)
+from magrod_env.envs.settings import Camera, Randomization
+from magrod_env.envs.tasks import Task
+from magrod_env.envs.workspace import Workspace
+from magrod_env.magnetics import Actuator, UniformCoils, _checks
+from magrod_env.rod.batch import PLANE_AXES, RodBatch
+from magrod_env.rod.equilibrium import StaticModel
+from magrod_env.rod.layout import ENERGY, make_blocks
+from magrod_env.rod.stability import set_gravity
+from magrod_env.scene import Scene
+from magrod_env.simulation import EXPECTED_FIELD, SAFETY, Simulation, check_plane, rod_values
+
+REWARD_TERMS = ("tracking", "precision", "effort", "smoothness")
+OBSERVE = ("camera", "state")
+PREVIEW = (0.04, 0.1, 0.2)  # s ahead
+
+
+class SteeringCore:
+    """Rods, coils, camera and task of ``num_envs`` environments. Not a Gymnasium class: arrays in, arrays out.
+
+    Args: see ``magrod_env.envs.single.MagRodEnv``.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        task: Task,
+        workspace: Workspace,
+        *,
+        num_envs: int,
+        num_elements: int,
+        time_step: float | None,
+        precision: str,
+        plane: str | None,
+        axes: str,
+        actuator: Actuator,
+        control_rate: float,
+        camera: Camera,
+        observe: str,
+        randomization: Randomization,
+        num_threads: int | None,
+    ) -> None:
+        check_plane(scene, plane)
+        if observe not in OBSERVE:
+            raise ValueError(f"observe must be one of {', '.join(OBSERVE)}, but got {observe!r}: choose one of them.")
+        if precision not in ("float64", "float32"):
+            raise ValueError(f"precision must be float64 or float32, but got {precision!r}: choose one of them.")
+        if actuator.limit is None:
+            raise ValueError("limit of the actuator must be a number for an environment, but got None: give it in tesla.")
+        self.scene, self.task, self.workspace, self.num_envs = scene, task, workspace, num_envs
+        self.num_elements, self.plane, self.precision, self.observe = num_elements, plane, precision, observe
+        self.actuator, self.camera, self.randomization = actuator, camera, randomization
+        self.coils = UniformCoils(limit=actuator.limit, axes=axes)
+        if plane is not None and set(axes) - set(plane):
+            raise ValueError(f"axes must lie in the plane {plane!r}, but got {axes!r}: choose axes of the plane.")
+        self.control_rate = _checks.number("control_rate", control_rate, above=0.0, advice="give it in hertz")
+        self.control_time = 1.0 / self.control_rate
+        self.values, segments = rod_values(scene)
+        self.batch = RodBatch(
+            self.values,
+            segments,
+            num_rods=num_envs,
+            num_elements=num_elements,
+            nodal=False,
+            precision=precision,
+            plane=plane,
+            gravity=scene.gravity,
+            drag_rate=scene.drag_rate,
+            spin_drag_rate=scene.spin_drag_rate,
+            internal_damping=scene.internal_damping,
+            slew=actuator.slew_limit is not None,
+            lag=actuator.lag is not None,
+            num_threads=num_threads,
+        )
+        self._choose_steps(time_step)
+        self._set_up_coils()
+        self._set_up_arrays()
+        self._set_up_starts()
+
+    # ---- set-up
+
+    def _choose_steps(self, time_step: float | None) -> None:
+        """Physics steps in a control step: no longer than the bound of the stiffest, lightest rod that may be drawn."""
+        spread, values = self.randomization, self.values
+        stiff, light = 1.0 + spread.modulus, 1.0 - spread.density
+        ends = values.ends.copy()
+        ends[:-1] += spread.magnet_position  # in whichever direction: the elements of both neighbours change alike
+        worst = values._replace(
+            ends=ends,
+            axial=values.axial * stiff,
+            shear=values.shear * stiff,
+            bending=values.bending * stiff,
+            torsion=values.torsion * stiff,
+            mass_per_length=values.mass_per_length * light,
+            rotary=values.rotary * light,
+            magnet_moments=values.magnet_moments * (1.0 + spread.remanence),
+        )
+        segments = [self.scene.segment_ends.index(magnet.position) for magnet in self.scene.magnets]
+        model = StaticModel(worst, self.batch.counts, segments, False, self.scene.gravity)
+        damping = self.scene.internal_damping or 0.0
+        strongest = max(EXPECTED_FIELD, math.sqrt(3.0) * max(self.coils.limit)) * (1.0 + spread.field_gain)  # type: ignore[type-var]
+        if time_step is None:
+            step = SAFETY * model.working_time_step(strongest, self.plane, damping)
+        else:
+            step = _checks.number("time_step", time_step, above=0.0, advice="give it in seconds")
+            bound = model.stable_time_step(strongest, self.plane, damping)
+            if step > bound:
+                raise ValueError(
+                    f"time_step must be at most {bound:.3g} s, the stability bound in the coils' strongest field, but got "
+                    f"{step:.3g} s: lower it, or num_elements, or leave it None."
+                )
+        self.num_steps = math.ceil(self.control_time / step - 1e-9)
+        self.time_step = self.control_time / self.num_steps
+
+    def _set_up_coils(self) -> None:
+        half = 0.5 * self.time_step
+        lag, slew, dead = self.actuator.lag, self.actuator.slew_limit, self.actuator.dead_time
+        self.blend = 0.0 if lag is None else -math.expm1(-half / lag)
+        self.largest_change = 0.0 if slew is None else slew * half
+        late = 0 if dead is None else round(dead / self.time_step)  # physics steps by which a command is late
+        self.late_controls, self.late_steps = divmod(late, self.num_steps)
+        self.follows = lag is not None or slew is not None
+        self._coil_axes = np.array(["xyz".index(letter) for letter in self.coils.axes])
+        self._limits = np.array(self.coils.limit)
+
+    def _set_up_arrays(self) -> None:
+        envs, tracked = self.num_envs, len(self.workspace.tracked_nodes)
+        camera, control = self.camera, self.control_time
+        every = 1 if camera.rate is None else self.control_rate / camera.rate
+        if abs(every - round(every)) > 1e-6 or every < 1:
+            raise ValueError(
+                f"rate of the camera must divide the control rate {self.control_rate:g} Hz, but got {camera.rate!r}: "
+                "choose a whole fraction of it."
+            )
+        delay = 0 if camera.delay is None else round(camera.delay / control)
+        self.optics = Optics(camera.noise or 0.0, round(every), delay, round(every) * control)
+        self.scales = Scales(
+            length=self.scene.rod.length,
+            limits=self._limits,
+            coils=self._coil_axes,
+            tracking=0.1 * self.scene.rod.length,
+            precision=1e-3,
+            effort=0.01,
+            smoothness=0.05,
+        )
+        path = self.task.targets.rate > 0.0
+        self.preview = np.array(PREVIEW if path else ())
+        self.full = PRESENT if self.observe == "state" else None
+        per_node = 13 if self.plane is None else 7
+        self.observation_size = (
+            6 * tracked
+            + self.coils.num_axes
+            + 3 * tracked * (1 + len(self.preview))
+            + (per_node * self.num_elements if self.full else 0)
+        )
+        self.episodes = Episodes(
+            streams=np.zeros(envs, np.uint64),
+            steps=np.zeros(envs, np.int64),
+            place=np.zeros((envs, 2)),
+            frames=np.zeros((envs, delay + 1, tracked, 3)),
+            seen=np.zeros((envs, 2, tracked, 3)),
+            action=np.zeros((envs, self.coils.num_axes)),
+            mixing=np.tile(np.eye(3), (envs, 1, 1)),
+            unmixing=np.tile(np.eye(3), (envs, 1, 1)),
+        )
+        self.commands = np.zeros((self.late_controls + 2, envs, 3))  # the newest first
+        self._field_before = np.zeros((envs, 3))
+        self._starts = np.zeros(envs, np.int64)
+        self._draws = np.zeros((envs, 14))
+        self.nodes = self.workspace.tracked_nodes
+        self.plane_axes = PLANE_AXES[self.plane]
+
+    def _set_up_starts(self) -> None:
+        """The nominal rod in every equilibrium that an episode may start from, as columns of rows."""
+        cases, spread = self.task.start_cases, self.randomization
+        self._start_fields = np.array([case.field for case in cases])
+        if spread.active:
+            names = ("modulus", "density", "drag", "remanence", "magnet_position", "field_gain", "field_misalignment")
+            names += ("gravity_direction", "initial_field")
+            self._spread: np.ndarray | None = np.array([getattr(spread, name) for name in names])
+            model = self.workspace.model
+            self._scratch = make_blocks(8, model.layout, model.terms, np.float64).reshape(1, -1, 8)
+            return
+        self._spread = None
+        nominal = Simulation(
+            self.scene, num_rods=1, num_elements=self.num_elements, plane=self.plane, precision=self.precision
+        )
+        columns = []
+        for case in cases:
+            nominal._batch.set_field(case.field[None])
+            nominal._write_state(case.positions[None], case.quaternions[None])
+            column = np.zeros(self.batch.layout.size, self.batch.dtype)
+            column[:] = nominal._batch.rows[0, :, 0]
+            column[ENERGY] = np.inf  # the watchdog takes what it sees first
+            columns.append(column)
+        self._columns = np.array(columns)
+
+    # ---- seeds and resets
+
+    def seed(self, which: np.ndarray, generators: list[np.random.Generator]) -> None:
+        """Start the streams of some environments from one draw of each one's generator."""
+        for i, generator in zip(which, generators, strict=True):
+            self.episodes.streams[i] = generator.integers(0, 2**63, dtype=np.uint64)
+
+    def seed_all(self, seeds: list[int | None]) -> None:
+        """Seed every environment as Gymnasium seeds a single one; None leaves one as it is."""
+        which = [i for i, seed in enumerate(seeds) if seed is not None]
+        self.seed(np.array(which, np.int64), [seeding.np_random(seeds[i])[0] for i in which])
+
+    def reset(self, which: np.ndarray, out: Outcome) -> None:
+        """Begin new episodes in the environments ``which`` (indices) and write their first observations."""
+        begin_episodes(self.episodes, self.task.targets, which, self._starts, self._draws, self._spread)
+        batch = self.batch
+        if self._spread is None:
+            copy_starts(batch.rows, self._columns, which, self._starts, batch.status)
+            self.commands[:, which] = self._start_fields[self._starts[which]]
+        else:
+            self._vary(which)
+            self.commands[:, which] = self._start_fields[self._starts[which]] + self._draws[which, 11:14]
+        add_travel(batch.rows, batch.travel, self.plane_axes, self._field_before)
+        batch.travel[which] = 0.0
+        observe_some(
+            batch.rows, batch.layout, batch.terms.planar, self.plane_axes, self.episodes, self.task.targets, self.scales,
+            self.optics, self.preview, self.nodes, self.control_time, self.full, which, out,
+        )  # fmt: skip
+
+    def _vary(self, which: np.ndarray) -> None:
+        batch, model = self.batch, self.workspace.model
+        still_terms = model.terms
+        set_gravity(self._scratch.reshape(-1), still_terms, model.gravity)
+        make_rods(
+            batch.rows, batch.layout, batch.terms.planar, 1 if self.plane == "xy" else 2, batch.counts, self.values,
+            model.gravity, self.scene.drag_rate or 0.0, self._scratch, model.layout, still_terms, self._start_fields, which,
+            self._starts, self._draws, self.episodes, batch.status,
+        )  # fmt: skip
+
+    # ---- steps
+
+    def step(self, actions: np.ndarray, out: Outcome) -> None:
+        """One control step of every environment; ``actions`` (num_envs, num_axes), any size: the coils saturate at 1."""
+        clipped = np.clip(actions, -1.0, 1.0).astype(np.float64)
+        self.commands[1:] = self.commands[:-1].copy()
+        self.commands[0] = clipped @ self.coils.directions
+        late, split = self.late_controls, self.late_steps
+        batch = self.batch
+        if split:
+            self._send(self.commands[late + 1])
+            batch.run(split, self.time_step, self.blend, self.largest_change)
+            self._count_travel()
+        self._send(self.commands[late])
+        batch.run(self.num_steps - split, self.time_step, self.blend, self.largest_change)
+        self._count_travel()
+        batch.watch()
+        observe_all(
+            batch.rows, batch.layout, batch.terms.planar, self.plane_axes, self.episodes, self.task.targets, self.scales,
+            self.optics, self.preview, self.nodes, self.control_time, self.full, clipped, batch.status, out,
+        )  # fmt: skip
+
+    def _send(self, commands: np.ndarray) -> None:
+        write_commands(self.batch.rows, commands, self.episodes.mixing, self.plane_axes, self.num_envs, self.follows)
+
+    def _count_travel(self) -> None:
+        add_travel(self.batch.rows, self.batch.travel, self.plane_axes, self._field_before)
+
+    def new_outcome(self) -> Outcome:
+        """Fresh arrays for one step's results: nothing that is handed out is written again."""
+        envs, tracked = self.num_envs, len(self.nodes)
+        return Outcome(
+            observations=np.zeros((envs, self.observation_size), np.float32),
+            rewards=np.zeros(envs),
+            terms=np.zeros((envs, 4)),
+            errors=np.zeros((envs, tracked)),
+            goals=np.zeros((envs, tracked, 3)),
+            positions=np.zeros((envs, tracked, 3)),
+            fields=np.zeros((envs, 3)),
+        )
+
+    def info(self, out: Outcome, actions: np.ndarray | None, success: float) -> dict[str, Any]:
+        """What the environments say beside the observation; arrays with the first axis num_envs."""
+        saturated = np.zeros(self.num_envs, bool) if actions is None else np.any(np.abs(actions) > 1.0, axis=1)
+        error = out.errors.mean(axis=1)
+        info = {
+            "tip_error": out.errors[:, 0].copy(),
+            "is_success": (error <= success) & (self.batch.status == 0),
+            "field_applied": out.fields.copy(),
+            "saturated": saturated,
+            "diverged": self.batch.status != 0,
+            "tip_position": out.positions[:, 0].copy(),
+            "target": out.goals[:, 0].copy(),
+        }
+        if len(self.nodes) > 1:
+            info["middle_error"] = out.errors[:, 1].copy()
+        for k, name in enumerate(REWARD_TERMS):
+            info[f"reward_{name}"] = out.terms[:, k].copy()
+        return info

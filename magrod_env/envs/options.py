@@ -1,0 +1,130 @@
+"""From a task's id and a user's keyword arguments to a :class:`SteeringCore`."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from magrod_env.envs import tasks
+from magrod_env.envs.core import SteeringCore
+from magrod_env.envs.settings import Camera, Randomization
+from magrod_env.envs.tasks import Task
+from magrod_env.envs.workspace import Workspace
+from magrod_env.magnetics import Actuator, _checks
+from magrod_env.scene import Scene
+from magrod_env.scenes import load_scene
+
+DRAG_RATE = 5.0  # 1/s: the paper's rods come to rest within a second
+SPIN_DRAG_RATE = 100.0  # 1/s: lets the ringing of a section after a step of the field die out
+COMPENSATION = (0.0, 0.0, 7.75e-3)  # T: the paper's field against the sag, upwards
+
+_TASKS: dict[str, dict[str, Any]] = {
+    "circle": {"radius": 16e-3, "period": 2.0, "center_field": COMPENSATION, "random_start": True},
+    "path": {
+        "path": "figure_eight",
+        "size": 12e-3,
+        "period": 4.0,
+        "center_field": COMPENSATION,
+        "random_start": True,
+    },
+    "reach": {"reach_limit": 25e-3},
+    "two_magnet": {"amplitude": 20e-3, "period": 4.0, "random_start": True},
+    "planar_reach": {"reach_limit": 25e-3},
+}
+_DEFAULTS: dict[str, dict[str, Any]] = {
+    "circle": {"axes": "yz"},
+    "path": {"axes": "yz"},
+    "reach": {"axes": "yz"},
+    "two_magnet": {"axes": "xz", "num_elements": 7},
+    "planar_reach": {"axes": "xz", "plane": "xz"},
+}
+
+
+def default_scene(task: str) -> Scene:
+    """The paper's rod with the modulus that moves like the paper's, lightly damped; its two-magnet rod for "two_magnet"."""
+    scene = load_scene("paper6_two_magnets") if task == "two_magnet" else load_scene("paper5_circle", modulus="effective")
+    return scene.replace(drag_rate=DRAG_RATE, spin_drag_rate=SPIN_DRAG_RATE)
+
+
+@lru_cache(maxsize=32)
+def _make_task(task: str, scene: Scene, num_elements: int, axes: str, settings: tuple[tuple[str, Any], ...]) -> Any:
+    """Workspace and task of a scene; kept, since every environment of a process asks for the same few."""
+    workspace, chosen = Workspace(scene, num_elements), dict(settings)
+    if task == "circle":
+        made = tasks.circle(workspace, **chosen)
+    elif task == "path":
+        path = chosen.pop("path")
+        points = path if isinstance(path, str) else np.array(path)
+        made = tasks.named_path(workspace, points, **chosen)
+    elif task == "two_magnet":
+        amplitude = _checks.number("amplitude", chosen.pop("amplitude"), above=0.0, advice="give it in tesla")
+        made = tasks.follow_fields(workspace, tasks.two_magnet_fields(amplitude), **chosen)
+    else:
+        limit = _checks.number("reach_limit", chosen["reach_limit"], above=0.0, advice="give it in tesla")
+        made = tasks.reach_points(workspace, axes="xz" if task == "planar_reach" else "yz", limit=limit)
+    return workspace, made
+
+
+def _hashable(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    return tuple(_hashable(entry) for entry in value) if isinstance(value, (list, tuple)) else value
+
+
+def make_core(task: str, num_envs: int, settings: dict[str, Any]) -> SteeringCore:
+    """Build the core of an environment from its task and the user's settings.
+
+    Raises:
+        ValueError: on an unknown task or setting, or a value that a part refuses.
+    """
+    if task not in _TASKS:
+        raise ValueError(f"task must be one of {', '.join(_TASKS)}, but got {task!r}: choose one of them.")
+    common = {
+        "scene": None,
+        "num_elements": 5,
+        "time_step": None,
+        "precision": "float64",
+        "plane": None,
+        "axes": "yz",
+        "actuator": Actuator(),
+        "control_rate": 50.0,
+        "camera": Camera(),
+        "observe": "camera",
+        "randomization": None,
+        "num_threads": None,
+    } | _DEFAULTS[task]
+    unknown = set(settings) - set(common) - set(_TASKS[task])
+    if unknown:
+        raise ValueError(
+            f"arguments of this environment must be among {', '.join(sorted(set(common) | set(_TASKS[task])))}, but got "
+            f"{', '.join(map(repr, sorted(unknown)))}: check the spelling."
+        )
+    chosen = {name: settings.get(name, value) for name, value in common.items()}
+    scene = chosen.pop("scene")
+    if scene is None:
+        scene = default_scene(task)
+    elif isinstance(scene, str):
+        scene = load_scene(scene)
+    _check_parts(scene, chosen)
+    num_elements = int(_checks.count("num_elements", chosen["num_elements"], advice="5 is a good start"))
+    special = tuple(
+        (name, _hashable(settings.get(name, value))) for name, value in sorted(_TASKS[task].items())
+    )
+    workspace, made = _make_task(task, scene, num_elements, chosen["axes"], special)
+    chosen["num_elements"] = num_elements
+    chosen["randomization"] = chosen["randomization"] or Randomization()
+    assert isinstance(made, Task)
+    return SteeringCore(scene, made, workspace, num_envs=num_envs, **chosen)
+
+
+def _check_parts(scene: Any, chosen: dict[str, Any]) -> None:
+    for name, value, kind in (
+        ("scene", scene, Scene),
+        ("actuator", chosen["actuator"], Actuator),
+        ("camera", chosen["camera"], Camera),
+        ("randomization", chosen["randomization"] or Randomization(), Randomization),
+    ):
+        if not isinstance(value, kind):
+            raise ValueError(f"{name} must be a {kind.__name__}, but got {value!r}: build one with {kind.__name__}(...).")

@@ -1,0 +1,166 @@
+"""The single environment: a batch of one behind gymnasium.Env."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from magrod_env.envs.goals import distance_reward, goal_observation, goal_space, sparse_reward
+from magrod_env.envs.options import make_core
+from magrod_env.envs.pictures import Painter
+from magrod_env.envs.vector import action_space_of, observation_space_of
+from magrod_env.magnetics import _checks
+
+
+class MagRodEnv(gymnasium.Env):
+    """A magnetic rod steered by the field of Helmholtz coils.
+
+    ## Description
+    An elastic rod is clamped at the origin, lies along +x when unloaded and carries one or two small permanent magnets. The
+    action is the field of the coils; the field turns the magnets and bends the rod. `task` says what its magnets shall do:
+    follow a circle ("circle"), another closed path ("path"), reach a point ("reach", "planar_reach"), or follow a path
+    with two magnets at once ("two_magnet"). Each registered id is a task with a scene of its own (docs/environments).
+
+    ## Action Space
+    `Box(-1, 1, (num_axes,), float32)`: the field along each coil axis as a share of the coils' limit (45 mT). Beyond 1 the
+    coils saturate, which `info["saturated"]` tells. It acts for one control step, 20 ms by default.
+
+    | axis of "circle", "path", "reach" | "two_magnet", "planar_reach" | unit |
+    |---|---|---|
+    | y (horizontal, across the rod) | x (along the rod) | coils' limit |
+    | z (up) | z (up) | coils' limit |
+
+    ## Observation Space
+    `Box(-10, 10, (size,), float32)`. P points are tracked: the magnets, from the tip inwards. L is the rod's length.
+
+    | entries | what | unit |
+    |---|---|---|
+    | 3 P | position of the tracked points as the camera sees them, world | L |
+    | 3 P | their velocity: difference of the last two frames | L/s |
+    | num_axes | field of the coils by their own sensors | coils' limit |
+    | 3 P | target minus position | L/10 |
+    | 9 P (paths only) | target in 0.04, 0.1 and 0.2 s minus target now | L/10 |
+    | 13 a node (observe="state") | position (L), quaternion w x y z, velocity (L/s), spin (body, 10 rad/s) of the free nodes | |
+    | 7 a node (the same, planar) | position x z, half-angle cosine and sine, velocity, spin | |
+
+    ## Rewards
+    The sum of four terms, each in `info["reward_<term>"]`; d is the mean distance of the tracked points from their targets.
+
+    | term | value |
+    |---|---|
+    | tracking | -min(d / (0.1 L), 10) |
+    | precision | exp(-d / 1 mm) |
+    | effort | -0.01 \\|action\\|^2 |
+    | smoothness | -0.05 \\|action - last action\\|^2 |
+
+    ## Starting State
+    At rest in static equilibrium: on a random point of the path, in the field that holds the nominal rod there
+    (`random_start=False`: its first point); for reaching, in zero field.
+
+    ## Episode End
+    Terminates when the rod leaves the range in which its numbers mean anything (`info["diverged"]`); truncated by the time
+    limit of the id.
+
+    ## Arguments
+    | argument | default | meaning |
+    |---|---|---|
+    | scene | the id's own | a `Scene` or a name for `load_scene` |
+    | num_elements | 5 (two magnets: 7) | elements of the rod |
+    | time_step | None | s; None: 0.6 of the stability bound of the stiffest rod that may be drawn |
+    | precision | "float64" | or "float32" |
+    | plane | None (planar: "xz") | motion in space or in a plane |
+    | axes | "yz" or "xz" | axes with coils, up to "xyz" |
+    | actuator | Actuator() | limit, slew limit, lag, dead time of the coils |
+    | control_rate | 50 | Hz |
+    | camera | Camera() | noise, rate, delay |
+    | observe | "camera" | or "state" |
+    | randomization | None | a `Randomization` |
+    | success_distance | 1e-3 | m, for `info["is_success"]` |
+    | num_threads | one a core | threads that share a batch |
+    | radius, period, center_field, random_start | 16 mm, 2 s, (0, 0, 7.75 mT), True | "circle" |
+    | path, size, period, center_field, random_start | "figure_eight", 12 mm, 4 s, as above | "path": a shape's name or points (M, 2) or (M, 3) m |
+    | reach_limit | 25 mT | "reach", "planar_reach": fields whose equilibria are the targets |
+    | amplitude, period, random_start | 20 mT, 4 s, True | "two_magnet" |
+
+    ## Vectorized use
+    `gymnasium.make_vec(id, num_envs=256)` gives `MagRodVectorEnv`: one batch, the same numbers bit for bit.
+
+    ## Version History
+    v0: first release.
+
+    Raises:
+        ValueError: on an unknown or bad argument, or an action that is not finite or of the wrong shape.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 50}
+
+    def __init__(
+        self,
+        task: str = "circle",
+        *,
+        goal: bool = False,
+        success_distance: float = 1e-3,
+        render_mode: str | None = None,
+        **settings: Any,
+    ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f'render_mode must be None or "rgb_array", but got {render_mode!r}: choose one of them.')
+        self.core = make_core(task, 1, settings)
+        self.goal, self.render_mode = goal, render_mode
+        self.success_distance = _checks.number(
+            "success_distance", success_distance, above=0.0, advice="give it in metres"
+        )
+        self.metadata = self.metadata | {"render_fps": self.core.control_rate}
+        box = observation_space_of(self.core)
+        self.observation_space = goal_space(self.core, box) if goal else box
+        self.action_space = action_space_of(self.core)
+        self._first = np.zeros(1, np.int64)
+        self._seeded_from: np.random.Generator | None = None
+        self._painter = Painter(self.core) if render_mode == "rgb_array" else None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begin a new episode; `seed` as in Gymnasium. There are no options."""
+        super().reset(seed=seed)
+        if self._seeded_from is not self.np_random:
+            self._seeded_from = self.np_random
+            self.core.seed(self._first, [self.np_random])
+        self._out = self.core.new_outcome()
+        self.core.reset(self._first, self._out)
+        if self._painter is not None:
+            self._painter.begin()
+        return self._observation(), self._info(None)
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One control step."""
+        array = np.asarray(action, np.float64)
+        if array.shape != self.action_space.shape or not np.isfinite(array).all():
+            raise ValueError(
+                f"action must be finite of shape {self.action_space.shape}, but got {action!r}: "
+                "give the share of each coil pair's limit."
+            )
+        self._out = self.core.new_outcome()
+        self.core.step(array[None], self._out)
+        info = self._info(array[None])
+        reward = sparse_reward(self._out, self.success_distance)[0] if self.goal else self._out.rewards[0]
+        if self._painter is not None:
+            self._painter.follow(self._out)
+        return self._observation(), float(reward), bool(info["diverged"]), False, info
+
+    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
+        """Sparse reward of any pair of goals, (3 P,) or (batch, 3 P) m: 0 within `success_distance`, else -1."""
+        return distance_reward(np.asarray(achieved_goal), np.asarray(desired_goal), self.success_distance)
+
+    def _observation(self) -> Any:
+        if self.goal:
+            return {name: value[0] for name, value in goal_observation(self._out).items()}
+        return self._out.observations[0]
+
+    def _info(self, action: np.ndarray | None) -> dict[str, Any]:
+        info = self.core.info(self._out, action, self.success_distance)
+        return {name: value[0].item() if value.ndim == 1 else value[0] for name, value in info.items()}
+
+    def render(self) -> np.ndarray | None:  # type: ignore[override]
+        """The rod now, (height, width, 3) uint8; None without a render mode."""
+        return None if self._painter is None else self._painter.paint(0, self._out)

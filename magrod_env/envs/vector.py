@@ -1,0 +1,188 @@
+"""The native vector environment: one batch of rods, stepped by compiled code."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from magrod_env.envs.goals import goal_observation, goal_space, sparse_reward
+from magrod_env.envs.options import make_core
+from magrod_env.envs.pictures import Painter
+from magrod_env.magnetics import _checks
+
+OBSERVATION_BOUND = 10.0
+
+
+def action_space_of(core: Any) -> spaces.Box:
+    """Share of each coil pair's limit."""
+    return spaces.Box(-1.0, 1.0, (core.coils.num_axes,), np.float32)
+
+
+def observation_space_of(core: Any) -> spaces.Box:
+    """Dimensionless numbers of order one; see the table of each environment."""
+    return spaces.Box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (core.observation_size,), np.float32)
+
+
+class MagRodVectorEnv(VectorEnv):
+    """`num_envs` independent environments in one batch; made by `gymnasium.make_vec(id, num_envs=...)`.
+
+    Row i of a batch that is reset with seed s does what a single environment reset with seed s + i does, bit for bit. The
+    batch truncates by itself after `max_episode_steps`.
+
+    Args:
+        task: "circle", "path", "reach", "two_magnet" or "planar_reach".
+        num_envs: number of environments.
+        max_episode_steps: control steps after which an episode is truncated; None for never.
+        autoreset_mode: gymnasium's `AutoresetMode` or its value: "NextStep" (default), "SameStep" or "Disabled".
+        goal: goal-conditioned observations and sparse rewards, for hindsight replay.
+        success_distance: error, m, below which `info["is_success"]` is true.
+        render_mode: None or "rgb_array": `render()` then gives a tuple with a frame of every environment.
+        settings: the arguments of `MagRodEnv`.
+
+    Raises:
+        ValueError: on an unknown or bad argument, or an action that is not finite or of the wrong shape.
+    """
+
+    def __init__(
+        self,
+        task: str = "circle",
+        num_envs: int = 1,
+        *,
+        max_episode_steps: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        goal: bool = False,
+        success_distance: float = 1e-3,
+        render_mode: str | None = None,
+        **settings: Any,
+    ) -> None:
+        self.num_envs = int(_checks.count("num_envs", num_envs, advice="give the number of environments"))
+        self.core = make_core(task, self.num_envs, settings)
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {
+            "render_modes": ["rgb_array"],
+            "render_fps": self.core.control_rate,
+            "autoreset_mode": self.autoreset_mode,
+        }
+        self.max_episode_steps, self.goal, self.render_mode = max_episode_steps, goal, render_mode
+        self.success_distance = _checks.number(
+            "success_distance", success_distance, above=0.0, advice="give it in metres"
+        )
+        box = observation_space_of(self.core)
+        self.single_observation_space = goal_space(self.core, box) if goal else box
+        self.single_action_space = action_space_of(self.core)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._over = np.zeros(self.num_envs, bool)
+        self._seeded = False
+        self._painter = Painter(self.core) if render_mode == "rgb_array" else None
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin new episodes.
+
+        Args:
+            seed: s seeds environment i with s + i; a list gives each its own; None goes on with the present streams.
+            options: {"reset_mask": (num_envs,) bool} resets only some environments.
+        """
+        seeds = self._seeds(seed)
+        if seeds is not None:
+            self.core.seed_all(seeds)
+        mask = None if options is None else options.get("reset_mask")
+        which = np.arange(self.num_envs) if mask is None else np.flatnonzero(np.asarray(mask))
+        if mask is None:
+            self._out = self.core.new_outcome()
+        else:
+            self._out = type(self._out)(*(array.copy() for array in self._out))
+        self.core.reset(which, self._out)
+        self._over[which] = False
+        return self._observation(self._out), self._info(self._out, None)
+
+    def _seeds(self, seed: int | list[int | None] | None) -> list[int | None] | None:
+        if seed is None:
+            if self._seeded:
+                return None
+            seed = int(np.random.SeedSequence().entropy % 2**31)  # type: ignore[operator]
+        self._seeded = True
+        if isinstance(seed, (int, np.integer)):
+            return [int(seed) + i for i in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"seed must be one number or {self.num_envs}, but got {len(seed)}: one for each environment.")
+        return list(seed)
+
+    def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """One control step of every environment."""
+        actions = self._checked(actions)
+        fresh = self._over.copy() if self.autoreset_mode == AutoresetMode.NEXT_STEP else np.zeros(self.num_envs, bool)
+        out = self.core.new_outcome()
+        self.core.step(actions, out)
+        if fresh.any():
+            self.core.reset(np.flatnonzero(fresh), out)
+        terminated = (self.core.batch.status != 0) & ~fresh
+        truncated = np.zeros(self.num_envs, bool)
+        if self.max_episode_steps is not None:
+            truncated = (self.core.episodes.steps >= self.max_episode_steps) & ~fresh
+        self._over = terminated | truncated
+        info = self._info(out, actions)
+        rewards = sparse_reward(out, self.success_distance) if self.goal else out.rewards
+        rewards = np.where(fresh, 0.0, rewards)
+        self._out = out
+        if self.autoreset_mode == AutoresetMode.SAME_STEP and self._over.any():
+            info = self._reset_in_place(info)
+        return self._observation(self._out), rewards, terminated, truncated, info
+
+    def _reset_in_place(self, info: dict[str, Any]) -> dict[str, Any]:
+        """Same-step autoreset: the last observations and infos of finished episodes go into the info."""
+        over, last = self._over, self._observation(self._out)
+        final = np.full(self.num_envs, None, dtype=object)
+        for i in np.flatnonzero(over):
+            final[i] = {name: value[i].copy() for name, value in last.items()} if self.goal else last[i].copy()
+        self._out = type(self._out)(*(array.copy() for array in self._out))
+        self.core.reset(np.flatnonzero(over), self._out)
+        ended = {name: value for name, value in info.items() if not name.startswith("_")}
+        ended.update({f"_{name}": over.copy() for name in list(ended)})
+        fresh = self._info(self._out, None)
+        merged = {
+            name: np.where(over.reshape(-1, *(1,) * (value.ndim - 1)), fresh[name], value)
+            for name, value in info.items()
+        }
+        self._over = np.zeros(self.num_envs, bool)
+        return merged | {
+            "final_obs": final,
+            "_final_obs": over.copy(),
+            "final_info": ended,
+            "_final_info": over.copy(),
+        }
+
+    def _checked(self, actions: Any) -> np.ndarray:
+        array = np.asarray(actions, np.float64)
+        if array.shape != self.action_space.shape:
+            raise ValueError(
+                f"actions must have shape {self.action_space.shape}, but got {array.shape}: one row for each environment."
+            )
+        if not np.isfinite(array).all():
+            row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
+            raise ValueError(
+                f"actions must be finite, but that of environment {row} is {array[row].tolist()}: check what computed it."
+            )
+        return array
+
+    def _observation(self, out: Any) -> Any:
+        return goal_observation(out) if self.goal else out.observations
+
+    def _info(self, out: Any, actions: np.ndarray | None) -> dict[str, Any]:
+        info = self.core.info(out, actions, self.success_distance)
+        return info | {f"_{name}": np.ones(self.num_envs, bool) for name in info}
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """A frame of every environment, (height, width, 3) uint8 each; None without a render mode."""
+        if self._painter is None:
+            return None
+        return tuple(self._painter.paint(i, self._out) for i in range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Nothing is held open."""

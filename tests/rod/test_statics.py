@@ -1,0 +1,196 @@
+"""Equilibria against the elastica: couples, end loads, buckling; against the dynamics and the spectral solution."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rod.beams import slender_rod, weightless
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
+
+from magrod_env import Simulation, StabilityError, load_scene
+
+REFERENCE = np.load(Path(__file__).parents[1] / "reference" / "reference.npz")
+ROD = slender_rod(youngs_modulus=1e7)
+MOMENT = 1e-2
+CRITICAL = ROD.bending_stiffness / (MOMENT * ROD.length)  # T: the field at which the straight rod buckles
+
+
+def wire(num_elements, scene=None, **options):
+    return Simulation(scene or weightless(ROD, moment=MOMENT), num_elements=num_elements, **options)
+
+
+# ---- a couple at the tip: the rod is a circular arc
+
+
+@pytest.mark.parametrize("num_elements", [1, 2, 5])
+@pytest.mark.parametrize(("ratio", "direction"), [(0.3, 90.0), (2.0, 90.0), (6.0, 150.0), (0.5, -120.0), (15.0, 170.0)])
+def test_a_dipole_at_the_tip_bends_a_weightless_rod_into_an_exact_arc(num_elements, ratio, direction):
+    """m B sin(direction - theta) = EI theta/L, the tip at L (sin theta, 1 - cos theta)/theta: at one element too."""
+    alpha = np.radians(direction)
+    field = ratio * CRITICAL * np.array([np.cos(alpha), 0.0, np.sin(alpha)])
+    theta = brentq(lambda t: ratio * np.sin(alpha - t) - t, *sorted((0.0, alpha)), xtol=1e-15)
+    case = wire(num_elements).equilibrium(field)
+    assert case.reached
+    exact = ROD.length / theta * np.array([np.sin(theta), 0.0, 1.0 - np.cos(theta)])
+    np.testing.assert_allclose(case.tip_position, exact, atol=1e-9 * ROD.length)  # what Newton leaves
+    np.testing.assert_allclose(case.tangents[-1], [np.cos(theta), 0.0, np.sin(theta)], atol=1e-9)
+
+
+@pytest.mark.parametrize("num_elements", [1, 4])
+def test_a_dipole_across_the_rod_twists_it_by_its_torsional_stiffness(num_elements):
+    """Dipole along y in a field along z: m B cos(phi) = GJ phi/L, and the rod stays straight."""
+    field = 0.7 * ROD.torsional_stiffness / (MOMENT * ROD.length)
+    phi = brentq(lambda p: 0.7 * np.cos(p) - p, 0.0, 1.0, xtol=1e-15)
+    scene = weightless(ROD, moment=MOMENT, direction=(0.0, 1.0, 0.0))
+    simulation = wire(num_elements, scene)
+    simulation.reset(field=(0.0, 0.0, field))
+    np.testing.assert_allclose(simulation.tip_position[0], [ROD.length, 0.0, 0.0], atol=1e-9 * ROD.length)
+    np.testing.assert_allclose(simulation.rotations[0, -1] @ [0, 1, 0], [0.0, np.cos(phi), np.sin(phi)], atol=1e-9)
+
+
+# ---- a dead weight at the tip: the elastica by elliptic integrals
+
+
+def elastica_tip(load_ratio):
+    """Tip (x, drop)/L of an inextensible cantilever under P L^2/EI = load_ratio (Bisshopp and Drucker 1945)."""
+
+    def incomplete(theta):
+        k2 = (1.0 + np.sin(theta)) / 2.0
+        return k2, np.arcsin(1.0 / np.sqrt(2.0 * k2))
+
+    def condition(theta):
+        k2, phi = incomplete(theta)
+        return ellipk(k2) - ellipkinc(phi, k2) - np.sqrt(load_ratio)
+
+    theta = brentq(condition, 1e-6, np.pi / 2 - 1e-9, xtol=1e-15)
+    k2, phi = incomplete(theta)
+    root = np.sqrt(load_ratio)
+    return np.sqrt(2.0 * np.sin(theta)) / root, 1.0 - 2.0 / root * (ellipe(k2) - ellipeinc(phi, k2)), theta
+
+
+@pytest.mark.parametrize("load_ratio", [0.1, 1.0, 5.0, 10.0])
+def test_an_end_load_converges_to_the_elastica_with_the_fourth_power(load_ratio):
+    """A wire 5000 times as long as wide: its extension, load_ratio (D/L)^2/16, is far below the error."""
+    thin = slender_rod(youngs_modulus=1e7, diameter=2e-5)
+    mass = load_ratio * thin.bending_stiffness / (9.81 * thin.length**2)
+    scene = weightless(thin, moment=MOMENT, mass=mass).replace(gravity=(0.0, 0.0, -9.81))
+    x, drop, _ = elastica_tip(load_ratio)
+    exact, errors = thin.length * np.array([x, 0.0, -drop]), []
+    for num_elements in (4, 8, 16):
+        tip = wire(num_elements, scene).equilibrium().tip_position
+        errors.append(np.linalg.norm(tip - exact) / thin.length)
+    assert errors[0] < 5e-5 * load_ratio
+    np.testing.assert_allclose(np.log2(np.array(errors[:-1]) / errors[1:]), 4.0, atol=0.3)
+
+
+# ---- buckling
+
+
+@pytest.mark.parametrize("num_elements", [1, 4])
+def test_the_straight_rod_buckles_at_ei_over_m_l(num_elements):
+    """Bent by a couple only, it is an arc: theta EI/L = m B sin(theta) has another solution beyond m B L/EI = 1."""
+    simulation = wire(num_elements)
+    assert simulation.equilibrium((-0.99 * CRITICAL, 0.0, 0.0)).reached
+    lost = simulation.equilibrium((-1.01 * CRITICAL, 0.0, 0.0))
+    assert not lost.reached
+    np.testing.assert_allclose((lost.share - 1.0) * 1.01, 1.0, atol=0.002)
+    simulation.reset(field=(-0.99 * CRITICAL, 0.0, 0.0))
+    with pytest.raises(StabilityError, match=r"loses stability .* of the field"):
+        simulation.reset(field=(-1.01 * CRITICAL, 0.0, 0.0))
+    np.testing.assert_allclose(lost.positions[-1], [ROD.length, 0.0, 0.0], atol=1e-12)  # not jumped
+
+
+@pytest.mark.parametrize("axis", [1, 2])
+def test_frequency_falls_to_zero_at_buckling(axis):
+    """One element, one bending mode with a known stiffness: the square of its frequency is linear in the field."""
+    simulation = wire(1, weightless(ROD, moment=MOMENT, mass=1e-4), plane="xy" if axis == 1 else "xz")
+    lowest = [simulation.natural_frequencies((-part * CRITICAL, 0.0, 0.0))[0] for part in (0.0, 0.9, 0.99, 0.999)]
+    assert np.all(np.diff(lowest) < 0.0)
+    assert lowest[-1] < 0.07 * lowest[0]
+
+
+def turning_points():
+    """Fields at 45 mT a component under gravity, beyond what the soft rods stand in many directions."""
+    rng = np.random.default_rng(5)
+    return 45e-3 * rng.uniform(-1, 1, (6, 3))
+
+
+@pytest.mark.parametrize("field", turning_points())
+def test_stability_is_reported_lost_only_where_a_frequency_vanishes(field):
+    """On the way to a strong field the shape changes steadily and stays stable; where no path goes on, it has softened to zero."""
+    simulation = wire(6, load_scene("paper4_pdms_tip_magnet"))
+    case = simulation.equilibrium(field)
+    share = case.share - 1.0
+    rest = simulation.natural_frequencies((0.0, 0.0, 0.0))[0]
+    parts = share * np.array([0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.97])
+    on_the_way = [simulation.equilibrium(part * field) for part in parts]
+    assert all(step.reached for step in on_the_way)
+    lowest = np.array([simulation.natural_frequencies(part * field)[0] for part in parts])
+    assert np.all(lowest > 0.0)
+    if case.reached:
+        assert np.isfinite(simulation.natural_frequencies(field)).all()
+    else:
+        last = simulation.natural_frequencies(0.9997 * share * field)[0]
+        assert last < 0.35 * rest
+        assert last < lowest[-1]
+
+
+# ---- other roads to the same shapes
+
+
+@pytest.mark.parametrize("name", ["static_gravity", "static_field_z", "static_field_yz"])
+@pytest.mark.parametrize(("num_elements", "tolerance"), [(4, 2e-4), (8, 1.3e-5), (16, 1e-6)])
+def test_equilibrium_is_that_of_the_spectral_solution(name, num_elements, tolerance):
+    simulation = wire(num_elements, load_scene("paper4_pdms_tip_magnet", modulus=1.48e6))
+    case = simulation.equilibrium(REFERENCE[f"{name}_field"])
+    np.testing.assert_allclose(case.tip_position, REFERENCE[f"{name}_tip"], atol=tolerance)
+    np.testing.assert_allclose(case.tangents[-1], REFERENCE[f"{name}_tip_tangent"], atol=30.0 * tolerance)
+
+
+def rest_of(simulation, field, **options):
+    """Mean positions once the bending has died out; twist and shear go on ringing a little, as drag acts on no rotation."""
+    simulation.advance(2.0, field=field, **options)
+    seen = []
+    for _ in range(250):
+        simulation.advance(2e-3)
+        seen.append(simulation.positions[0])
+    return np.mean(seen, axis=0)
+
+
+@pytest.mark.parametrize("element", ["helical", "nodal"])
+def test_equilibrium_is_where_a_damped_motion_ends(element):
+    scene = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=60.0)  # near critical damping of the first mode
+    field = (4e-3, 3e-3, 12e-3)
+    simulation = Simulation(scene, num_elements=4, element=element)
+    case = simulation.equilibrium(field)
+    assert case.reached
+    np.testing.assert_allclose(rest_of(simulation, field), case.positions, atol=1e-6)
+
+
+@pytest.mark.parametrize("element", ["helical", "nodal"])
+def test_a_rod_released_in_its_equilibrium_stays_there(element):
+    simulation = Simulation(load_scene("paper4_pdms_tip_magnet"), num_elements=6, element=element)
+    simulation.reset(field=(0.0, 3e-3, 9e-3))
+    before = simulation.positions
+    simulation.advance(0.5)
+    np.testing.assert_allclose(simulation.positions, before, atol=1e-11)
+
+
+def test_a_gradient_pulls_as_its_virtual_work_says():
+    """The energy -m.B(p) of a dipole in a gradient, whose matrix is symmetric and has no trace, is stationary."""
+    slope = np.array([[0.2, 0.1, -0.3], [0.1, -0.5, 0.05], [-0.3, 0.05, 0.3]])
+    scene = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=60.0)
+    simulation = Simulation(scene, num_elements=4)
+    field = np.array([2e-3, -1e-3, 6e-3])
+    case = simulation.equilibrium(field, gradient=slope)
+    np.testing.assert_allclose(rest_of(simulation, field, gradient=slope), case.positions, atol=1e-6)
+
+
+def test_equilibria_of_a_batch_are_those_of_its_fields():
+    scene = load_scene("paper4_pdms_tip_magnet")
+    fields = np.array([[0, 0, 0], [0, 0, 8e-3], [0, 5e-3, 5e-3], [0, 0, 8e-3]])
+    simulation = Simulation(scene, num_rods=4, num_elements=4)
+    simulation.reset(field=fields)
+    for rod, field in enumerate(fields):
+        np.testing.assert_array_equal(simulation.positions[rod], simulation.equilibrium(field).positions)

@@ -1,0 +1,105 @@
+"""The tangent stiffness is the second derivative of the energy; its factorisation is that of a symmetric band matrix."""
+
+import numpy as np
+import pytest
+from rod.truth import exact_loads, helical_energy, nodal_energy
+from scipy.spatial.transform import Rotation
+
+from magrod_env import Simulation, load_scene
+from magrod_env.rod.tangent import BAND, factorise, solve_factored
+
+FIELD = np.array([2e-3, -4e-3, 9e-3])
+
+
+def bent_poses(simulation, seed=1):
+    """A smooth random shape of the rod: positions (N + 1, 3), quaternions (N + 1, 4)."""
+    rng = np.random.default_rng(seed)
+    positions, frames = [np.zeros(3)], [Rotation.identity()]
+    for h in np.diff(simulation.arc_lengths):
+        turn = Rotation.from_rotvec(rng.normal(size=3) * 0.3)
+        middle = frames[-1] * Rotation.from_rotvec(0.5 * turn.as_rotvec())
+        positions.append(positions[-1] + middle.apply(h * (np.array([1.0, 0.0, 0.0]) + 0.02 * rng.normal(size=3))))
+        frames.append(frames[-1] * turn)
+    return np.array(positions), np.array([np.roll(frame.as_quat(), 1) for frame in frames])
+
+
+def residual(simulation, element, positions, quaternions):
+    """Loads on nodes 1..N (N, 6) by 50-digit differences of the energy; dipole and weight by their own formulas."""
+    rod, scene = simulation.scene.rod, simulation.scene
+    out = np.zeros((len(positions), 6))
+    for e, h in enumerate(np.diff(simulation.arc_lengths)):
+        shear = rod.shear_stiffness
+        if element == "helical":
+            shear = 1.0 / (1.0 / shear + h**2 / (12.0 * rod.bending_stiffness))
+        stiffness = (rod.axial_stiffness, shear, rod.torsional_stiffness, rod.bending_stiffness)
+        poses = [(positions[n], quaternions[n]) for n in (e, e + 1)]
+        energy = helical_energy if element == "helical" else nodal_energy
+        force, torque_a, torque_b = exact_loads(energy, *poses, h, stiffness)
+        out[e] += [*force, *torque_a]
+        out[e + 1] += [*-force, *torque_b]
+    out[:, :3] += simulation.node_masses[0][:, None] * np.array(scene.gravity)
+    for magnet, node in zip(scene.magnets, simulation.magnet_nodes, strict=True):
+        frame = Rotation.from_quat(np.roll(quaternions[node], -1))
+        out[node, 3:] += np.cross(magnet.dipole_moment, frame.inv().apply(FIELD))
+    return out[1:]
+
+
+@pytest.mark.parametrize("element", ["helical", "nodal"])
+def test_tangent_is_the_second_derivative_of_the_energy(element):
+    """At any shape its symmetric part is that of the derivative of the loads; differences of exact loads by 1e-6 give 9 digits."""
+    simulation = Simulation(load_scene("paper6_two_magnets"), num_elements=3, element=element)
+    positions, quaternions = bent_poses(simulation)
+    case = simulation._static.equilibrium(np.zeros(3))  # any load case: only its field and shape are used
+    case = type(case)(positions, quaternions, True, 2.0, FIELD, np.zeros(9))
+    stiffness, inertia = simulation._static.linearise(case)
+
+    step, expected = 1e-6, np.zeros((18, 18))
+    for node in (1, 2, 3):
+        for k in range(6):
+            sides = []
+            for sign in (1, -1):
+                moved, turned = positions.copy(), quaternions.copy()
+                if k < 3:
+                    moved[node, k] += sign * step * 0.02
+                else:
+                    frame = Rotation.from_quat(np.roll(turned[node], -1))
+                    frame = frame * Rotation.from_rotvec(sign * step * np.eye(3)[k - 3])
+                    turned[node] = np.roll(frame.as_quat(), 1)
+                sides.append(residual(simulation, element, moved, turned).ravel())
+            expected[:, 6 * (node - 1) + k] = -(sides[0] - sides[1]) / (2 * step * (0.02 if k < 3 else 1.0))
+    expected = 0.5 * (expected + expected.T)
+    size = np.sqrt(np.abs(np.diag(expected)))
+    np.testing.assert_allclose(stiffness / np.outer(size, size), expected / np.outer(size, size), atol=2e-8)
+    masses = simulation.node_masses[0, 1:]
+    np.testing.assert_allclose(inertia.reshape(3, 6)[:, :3], np.repeat(masses[:, None], 3, axis=1), rtol=1e-14)
+
+
+def band_matrix(size, seed, shift):
+    """A random symmetric band matrix, dense and by its band."""
+    rng = np.random.default_rng(seed)
+    dense = rng.normal(size=(size, size))
+    dense = dense + dense.T + shift * np.eye(size)
+    band = np.zeros((size, BAND))
+    for i in range(size):
+        for j in range(size):
+            if abs(i - j) >= BAND:
+                dense[i, j] = 0.0
+            elif j <= i:
+                band[i, BAND - 1 - (i - j)] = dense[i, j]
+    return dense, band
+
+
+@pytest.mark.parametrize("shift", [30.0, 4.0, 0.0])
+@pytest.mark.parametrize("size", [6, 12, 30])
+def test_factorisation_counts_negative_eigenvalues_and_solves(size, shift):
+    dense, band = band_matrix(size, seed=size, shift=shift)
+    assert factorise(band) == (np.linalg.eigvalsh(dense) < 0).sum()
+    right = np.random.default_rng(1).normal(size=size)
+    solved = right.copy()
+    solve_factored(band, solved)
+    np.testing.assert_allclose(dense @ solved, right, atol=1e-9 * max(1.0, np.linalg.norm(solved)))
+
+
+def test_a_singular_matrix_is_recognised():
+    assert factorise(np.zeros((6, BAND))) == -1
+    assert factorise(np.full((6, BAND), np.nan)) == -1
