@@ -31,7 +31,7 @@ from magrod_env.rod.equilibrium import StaticModel
 from magrod_env.rod.layout import ENERGY, make_blocks
 from magrod_env.rod.stability import set_gravity
 from magrod_env.scene import Scene
-from magrod_env.simulation import EXPECTED_FIELD, SAFETY, Simulation, check_plane, rod_values
+from magrod_env.simulation import SAFETY, Simulation, check_plane, rod_values
 
 REWARD_TERMS = ("tracking", "precision", "effort", "smoothness")
 OBSERVE = ("camera", "state")
@@ -121,7 +121,7 @@ class SteeringCore:
         segments = [self.scene.segment_ends.index(magnet.position) for magnet in self.scene.magnets]
         model = StaticModel(worst, self.batch.counts, segments, False, self.scene.gravity)
         damping = self.scene.internal_damping or 0.0
-        strongest = max(EXPECTED_FIELD, math.sqrt(3.0) * max(self.coils.limit)) * (1.0 + spread.field_gain)  # type: ignore[type-var]
+        strongest = float(np.linalg.norm(self.coils.limit)) * (1.0 + spread.field_gain)
         if time_step is None:
             step = SAFETY * model.working_time_step(strongest, self.plane, damping)
         else:

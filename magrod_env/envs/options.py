@@ -37,7 +37,7 @@ _DEFAULTS: dict[str, dict[str, Any]] = {
     "circle": {"axes": "yz"},
     "path": {"axes": "yz"},
     "reach": {"axes": "yz"},
-    "two_magnet": {"axes": "xz", "num_elements": 7},
+    "two_magnet": {"axes": "xz", "num_elements": 10, "actuator": Actuator(limit=25e-3)},
     "planar_reach": {"axes": "xz", "plane": "xz"},
 }
 

@@ -67,12 +67,12 @@ class MagRodEnv(gymnasium.Env):
     | argument | default | meaning |
     |---|---|---|
     | scene | the id's own | a `Scene` or a name for `load_scene` |
-    | num_elements | 5 (two magnets: 7) | elements of the rod |
+    | num_elements | 5 (two magnets: 10) | elements of the rod |
     | time_step | None | s; None: 0.6 of the stability bound of the stiffest rod that may be drawn |
     | precision | "float64" | or "float32" |
     | plane | None (planar: "xz") | motion in space or in a plane |
     | axes | "yz" or "xz" | axes with coils, up to "xyz" |
-    | actuator | Actuator() | limit, slew limit, lag, dead time of the coils |
+    | actuator | Actuator() | limit (45 mT; two magnets: 25 mT), slew limit, lag, dead time of the coils |
     | control_rate | 50 | Hz |
     | camera | Camera() | noise, rate, delay |
     | observe | "camera" | or "state" |

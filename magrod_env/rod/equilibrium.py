@@ -1,5 +1,6 @@
 """Statics and linearisation of one rod behind a small object: equilibria, stiffness, stable steps."""
 
+import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,15 +107,15 @@ class StaticModel:
         return stability.stable_time_step(self._block, self.layout, self.terms, field_magnitude, plane, damping)
 
     def working_time_step(self, field_magnitude: float, plane: str | None, damping: float) -> float:
-        """Bound on the step that also covers a swing under gravity: the least of straight and sagging under 2 g, s.
+        """Bound on the step, s, that also covers a swing under gravity and sudden fields up to ``field_magnitude`` T.
 
-        Large bends shift the bound of coarse meshes: by a factor of 6 for one element, by 2 % for three (docs/physics.md).
+        The least of straight and sagging under 2 g, over the factor of ``shock_factor`` (docs/physics.md).
         """
         bound = self.stable_time_step(field_magnitude, plane, damping)
-        if self.terms.gravity is None:
-            return bound
-        swung = StaticModel.__new__(StaticModel)
-        swung.__dict__.update(self.__dict__, gravity=2.0 * self.gravity, _block=self._block.copy())
-        stability.set_gravity(swung._block, self.terms, swung.gravity)
-        stiffness, inertia = swung.linearise(swung.equilibrium(np.zeros(3)))
-        return min(bound, stability.time_step_bound(stiffness, inertia, plane, damping))
+        if self.terms.gravity is not None:
+            swung = copy.copy(self)
+            swung.gravity, swung._block = 2.0 * self.gravity, self._block.copy()
+            stability.set_gravity(swung._block, self.terms, swung.gravity)
+            stiffness, inertia = swung.linearise(swung.equilibrium(np.zeros(3)))
+            bound = min(bound, stability.time_step_bound(stiffness, inertia, plane, damping))
+        return bound / stability.shock_factor(self._block, self.layout, self.terms, field_magnitude)

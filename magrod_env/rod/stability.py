@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from magrod_env.rod.layout import ELEMENT_ROWS, GRAVITY, LENGTH, SPATIAL, Layout, Terms
+from magrod_env.rod.layout import AXIAL, BENDING, ELEMENT_ROWS, GRAVITY, LENGTH, SHEAR, SPATIAL, Layout, Terms
 from magrod_env.rod.tangent import BAND, assemble
 
 ACTIVE = {None: [0, 1, 2, 3, 4, 5], "xy": [0, 1, 5], "xz": [0, 2, 4]}  # degrees of freedom of a node
@@ -67,6 +67,27 @@ def time_step_bound(stiffness, inertia, plane: str | None, damping: float) -> fl
     highest = np.nanmax(angular_frequencies(stiffness, inertia, plane))
     rate = damping * highest**2
     return float((np.sqrt(4.0 * highest**2 + 16.0 * rate**2) - 4.0 * rate) / highest**2)
+
+
+def shock_factor(block, layout: Layout, terms: Terms, field_magnitude: float) -> float:
+    """How much a sudden field of ``field_magnitude`` T raises the highest frequency of the rod.
+
+    The field turns a magnet's section before its neighbours move: to twice the angle d = m B/k at which its elements hold it,
+    k = sum of GA* h/4 + EI/h. So turned, an element is d^2/8 shorter than its chord, and its axial stiffness adds about
+    EA h d^2/8 to k: the frequency grows by sqrt(1 + EA h d^2/(8 k)) (derived in docs/physics.md).
+    """
+    rows = block.reshape(-1, len(terms.lanes))[:, 0]
+    worst = 0.0
+    for number, node in enumerate(layout.magnet_nodes):
+        moment = np.linalg.norm(rows[layout.magnets + 3 * number :][:3])
+        hold, squeeze = 0.0, 0.0
+        for element in {node - 1, min(node, layout.num_elements - 1)} - {-1}:
+            part = rows[layout.elements + ELEMENT_ROWS * element :][:ELEMENT_ROWS]
+            hold += part[SHEAR] * part[LENGTH] / 4.0 + part[BENDING]
+            squeeze += part[AXIAL] * part[LENGTH] / 8.0
+        turn = min(2.0 * moment * field_magnitude / hold, np.pi)
+        worst = max(worst, squeeze * turn**2 / hold)
+    return float(np.sqrt(1.0 + worst))
 
 
 def set_gravity(block, terms: Terms, gravity) -> None:
