@@ -1,8 +1,8 @@
 """The one place for numba options and for where compiled kernels are cached.
 
-numba keys a cached kernel by the source file of the outermost function only: after an edit to a helper in another file it
-would go on serving stale machine code. Kernels are therefore cached in a folder named by a digest of all of this package's
-sources, under ``MAGROD_CACHE_DIR``, else ``NUMBA_CACHE_DIR``, else the user's cache folder.
+numba keys a cached kernel by the source file of the outermost function only: after an edit to a helper in another file
+it would go on serving stale machine code. Kernels are therefore cached in a folder named by a digest of all of this
+package's sources, under ``MAGROD_CACHE_DIR``, else ``NUMBA_CACHE_DIR``, else the user's cache folder.
 """
 
 import hashlib
@@ -28,7 +28,9 @@ def _cache_folder() -> str:
     """A writable folder for this version of the sources; a temporary one where the user's cache cannot be written."""
     base = os.environ.get("MAGROD_CACHE_DIR") or os.environ.get("NUMBA_CACHE_DIR")
     if not base:
-        base = os.path.join(os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache"), "magrod")
+        base = os.path.join(
+            os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache"), "magrod"
+        )
     folder = os.path.join(base, f"kernels-{_source_digest()}")
     try:
         os.makedirs(folder, exist_ok=True)

@@ -1,9 +1,10 @@
 """Numbers that are several rods wide: SIMD vectors as a numba type.
 
-A kernel is written once, with ``+ - * /``, for one rod. Its numbers come from :func:`load`, which reads the same quantity of
-``len(lanes)`` neighbouring rods as one LLVM vector, so every operation in the kernel is a packed instruction, whatever the
-loop vectoriser thinks. Every lane is computed with the same IEEE operations in the same order for every lane count; a batch
-therefore gives the same bits as single rods, and a rod that turns to NaN stays in its lane.
+A kernel is written once, with ``+ - * /``, for one rod. Its numbers come from :func:`load`, which reads the same
+quantity of ``len(lanes)`` neighbouring rods as one LLVM vector, so every operation in the kernel is a packed
+instruction, whatever the loop vectoriser thinks. Every lane is computed with the same IEEE operations in the same order
+for every lane count; a batch therefore gives the same bits as single rods, and a rod that turns to NaN stays in its
+lane.
 
 Functions built only from arithmetic, :func:`square_root`, :func:`minimum` and :func:`maximum` also accept plain floats.
 """

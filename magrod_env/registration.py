@@ -2,7 +2,7 @@
 
 import gymnasium
 
-IDS = {
+IDS: dict[str, tuple[dict[str, object], int]] = {
     "MagRod/Circle-v0": ({"task": "circle"}, 300),
     "MagRod/Path-v0": ({"task": "path"}, 400),
     "MagRod/Reach-v0": ({"task": "reach"}, 100),

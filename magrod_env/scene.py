@@ -70,9 +70,7 @@ class Rod:
         object.__setattr__(self, "poissons_ratio", ratio)
 
     def _check(self, name: str, words: str, unit: str) -> None:
-        value = _checks.number(
-            f"{words} of the rod", getattr(self, name), above=0.0, advice=f"give it in {unit}"
-        )
+        value = _checks.number(f"{words} of the rod", getattr(self, name), above=0.0, advice=f"give it in {unit}")
         object.__setattr__(self, name, value)
 
     @classmethod
@@ -90,9 +88,7 @@ class Rod:
         )
 
     @classmethod
-    def square(
-        cls, *, length: float, edge: float, density: float, youngs_modulus: float, poissons_ratio: float
-    ) -> Rod:
+    def square(cls, *, length: float, edge: float, density: float, youngs_modulus: float, poissons_ratio: float) -> Rod:
         """Return a rod of solid square section; arguments as in the class."""
         return cls(
             shape="square",
@@ -199,9 +195,7 @@ class Magnet:
             at_least=0.0,
             advice="give A m^2 and turn it round with `direction`",
         )
-        mass = _checks.number(
-            "mass of the magnet", self.mass, at_least=0.0, advice="give it in kg, 1 mg is 1e-6"
-        )
+        mass = _checks.number("mass of the magnet", self.mass, at_least=0.0, advice="give it in kg, 1 mg is 1e-6")
         direction = _checks.unit_vector(
             "direction of the magnet",
             self.direction,
@@ -239,9 +233,7 @@ class Magnet:
         Raises:
             ValueError: as the class, and if the remanence or a size is not above 0.
         """
-        volume = (
-            math.pi / 4.0 * _size_of_magnet("diameter", diameter) ** 2 * _size_of_magnet("length", length)
-        )
+        volume = math.pi / 4.0 * _size_of_magnet("diameter", diameter) ** 2 * _size_of_magnet("length", length)
         return cls(
             position=position,
             moment=dipole_moment(remanence, volume),
@@ -296,15 +288,11 @@ class Scene:
 
     def __post_init__(self) -> None:
         if not isinstance(self.rod, Rod):
-            raise ValueError(
-                f"rod of the scene must be a Rod, but got {self.rod!r}: use Rod.circular or Rod.square."
-            )
+            raise ValueError(f"rod of the scene must be a Rod, but got {self.rod!r}: use Rod.circular or Rod.square.")
         object.__setattr__(self, "magnets", _placed(self.magnets, self.rod.length))
         if self.gravity is not None:
             advice = "give a world vector in m/s^2, for instance (0, 0, -9.81), or None for no gravity"
-            object.__setattr__(
-                self, "gravity", _checks.vector("gravity of the scene", self.gravity, advice=advice)
-            )
+            object.__setattr__(self, "gravity", _checks.vector("gravity of the scene", self.gravity, advice=advice))
         for name, unit in (("drag_rate", "1/s"), ("spin_drag_rate", "1/s"), ("internal_damping", "seconds")):
             value = getattr(self, name)
             if value is not None:

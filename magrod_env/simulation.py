@@ -81,8 +81,8 @@ def check_plane(scene: Scene, plane: str | None) -> None:
 class Simulation:
     """A batch of equal rods under their own fields, stepped in time.
 
-    The world frame has the clamp at its origin and the straight rod along +x. Rotations map body to world; a section's first
-    body axis is its normal, the tangent of the unsheared rod.
+    The world frame has the clamp at its origin and the straight rod along +x. Rotations map body to world; a section's
+    first body axis is its normal, the tangent of the unsheared rod.
 
     Args:
         scene: what is simulated.
@@ -91,10 +91,10 @@ class Simulation:
         element: "helical" (default: exact for uniform strain) or "nodal" (the paper's, which locks in shear).
         time_step: s; None takes 0.6 of the bound in a sudden field of 45 mT, straight or sagging under twice gravity.
         precision: "float64" or "float32".
-        plane: None for motion in space; "xz" or "xy" computes motion in that plane only, with the same result at less cost.
-        frequency_shaping: with element="nodal", divide E by the locking factor 1 + GA h^2/(4 EI) of the longest element.
-        on_failure: "raise" SimulationDiverged after a step that a rod did not survive, or only "report" it in `status`.
-        num_threads: threads that share the batch; None for one a core.
+        plane: None for motion in space; "xz" or "xy" computes motion in that plane only, with the same result at less
+        cost. frequency_shaping: with element="nodal", divide E by the locking factor 1 + GA h^2/(4 EI) of the longest
+        element. on_failure: "raise" SimulationDiverged after a step that a rod did not survive, or only "report" it in
+        `status`. num_threads: threads that share the batch; None for one a core.
 
     Raises:
         ValueError: on bad input, among it a time step beyond `stable_time_step`.
@@ -147,7 +147,7 @@ class Simulation:
             num_threads=num_threads,
         )
         self._static = StaticModel(self._values, self._batch.counts, segments, element == "nodal", scene.gravity)
-        self._time = 0.0
+        self._time = self._safe_field = 0.0
         self._field, self._gradient = np.zeros((num_rods, 3)), np.zeros((num_rods, 3, 3))
         self.time_step = self._checked_step(time_step)
         self.reset()
@@ -182,8 +182,8 @@ class Simulation:
             bound = self.stable_time_step_in(largest)
             if self.time_step > bound:
                 raise ValueError(
-                    f"time_step must be at most {bound:.3g} s in a field of {largest:.3g} T, but is {self.time_step:.3g} s: "
-                    "give Simulation a smaller time_step."
+                    f"time_step must be at most {bound:.3g} s in a field of {largest:.3g} T, "
+                    f"but is {self.time_step:.3g} s: give Simulation a smaller time_step."
                 )
             self._safe_field = largest
 
@@ -193,7 +193,8 @@ class Simulation:
         """Start again at time 0 and at rest.
 
         Args:
-            field: None lays the rods straight along +x with no field. A field (3,) or (num_rods, 3), T, puts each rod into the
+            field: None lays the rods straight along +x with no field. A field (3,) or (num_rods, 3), T, puts each rod
+            into the
                 static equilibrium that it reaches when gravity and then this field are turned on slowly.
 
         Raises:
@@ -237,8 +238,8 @@ class Simulation:
             field: (3,) T, world, at the origin. gradient: (3, 3) T/m, dB_i/dx_j, or None.
 
         Returns:
-            positions (num_nodes, 3) m, rotations (num_nodes, 3, 3), whether it was `reached`, and the `share` of the loads
-            (0-1 gravity, 1-2 field) at which stability was lost where it was not.
+            positions (num_nodes, 3) m, rotations (num_nodes, 3, 3), whether it was `reached`, and the `share` of the
+            loads (0-1 gravity, 1-2 field) at which stability was lost where it was not.
         """
         one = _checks.vector("field", field, advice="give a world vector in tesla")
         slopes = None if gradient is None else np.asarray(gradient, float)
@@ -251,14 +252,17 @@ class Simulation:
 
         Args:
             duration: s.
-            field: T, world, (3,) or (num_rods, 3), constant over the duration; or a function of time (s) that returns one,
+            field: T, world, (3,) or (num_rods, 3), constant over the duration; or a function of time (s) that returns
+            one,
                 sampled in the middle of every step; None keeps the last.
-            gradient: T/m, (3, 3) or (num_rods, 3, 3): dB_i/dx_j; the field is then `field` + gradient @ position and pulls the
+            gradient: T/m, (3, 3) or (num_rods, 3, 3): dB_i/dx_j; the field is then `field` + gradient @ position and
+            pulls the
                 magnets; None keeps the last, which is zero after a reset.
 
         Raises:
             ValueError: on a wrong shape, NaN, a field that leaves the plane or is too strong for the time step.
-            SimulationDiverged: if a rod fails and `on_failure` is "raise"; the other rods are then where they should be.
+            SimulationDiverged: if a rod fails and `on_failure` is "raise"; the other rods are then where they should
+            be.
         """
         duration = _checks.number("duration", duration, at_least=0.0, advice="give it in seconds")
         if gradient is not None:
@@ -296,7 +300,7 @@ class Simulation:
             rod = int(failed[0])
             raise SimulationDiverged(
                 f"rod {rod} left the stable range by t = {self._time:.4g} s: {_SYMPTOMS[int(self._batch.status[rod])]}; "
-                f"the time step is {self.time_step:.3g} s and the bound of the straight rod {self.stable_time_step:.3g} s: "
+                f"time step {self.time_step:.3g} s, bound of the straight rod {self.stable_time_step:.3g} s: "
                 "lower time_step, or use more elements where the rod bends sharply."
             )
 
@@ -347,7 +351,9 @@ class Simulation:
 
     @property
     def status(self) -> np.ndarray:
-        """0 for a rod that is well; 1 not finite, 2 an element bent by pi, 3 stretched, 4 too energetic; (num_rods,)."""
+        """0 for a rod that is well; 1 not finite, 2 an element bent by pi, 3 stretched, 4 too energetic;
+        (num_rods,).
+        """
         return self._batch.status.copy()
 
     @property
@@ -456,7 +462,9 @@ class Simulation:
         for name, value in (("velocities", velocities), ("angular_velocities", angular_velocities)):
             array = np.zeros(shape) if value is None else np.array(value, float)
             if array.shape != shape or not np.isfinite(array).all():
-                raise ValueError(f"{name} must be finite of shape {shape}, but got shape {array.shape}: one row a node.")
+                raise ValueError(
+                    f"{name} must be finite of shape {shape}, but got shape {array.shape}: one row a node."
+                )
             array[:, 0] = 0.0
             arrays.append(array)
         momenta = arrays[1] / (2.0 * np.where(self._compliance() > 0.0, self._compliance(), 1.0))
@@ -476,7 +484,9 @@ class Simulation:
     def restore(self, snapshot: dict[str, Any]) -> None:
         """Go back to a `snapshot` of this simulation, or of one with the same arguments."""
         if snapshot["blocks"].shape != self._batch.blocks.shape:
-            raise ValueError("snapshot must come from a simulation of the same scene and size, but its shape differs: take one.")
+            raise ValueError(
+                "snapshot must come from a simulation of the same scene and size, but its shape differs: take one."
+            )
         self._batch.blocks[:] = snapshot["blocks"]
         self._batch.status[:] = snapshot["status"]
         self._batch.travel[:] = 0.0
@@ -486,7 +496,9 @@ class Simulation:
     # ---- what the rods carry
 
     def energies(self) -> dict[str, np.ndarray]:
-        """Kinetic, elastic, gravitational and magnetic energy, J, (num_rods,) each; the clamp's node is the zero of gravity."""
+        """Kinetic, elastic, gravitational and magnetic energy, J, (num_rods,) each; the clamp's node is the zero of
+        gravity.
+        """
         return self._batch.energies()
 
     def energy(self) -> np.ndarray:
@@ -495,7 +507,9 @@ class Simulation:
 
     @property
     def node_masses(self) -> np.ndarray:
-        """Lumped mass of each node, magnets included, kg, (num_rods, num_nodes); the clamp's is not part of the motion: 0."""
+        """Lumped mass of each node, magnets included, kg, (num_rods, num_nodes); the clamp's is not part of the
+        motion: 0.
+        """
         inverse = self._batch.nodes(self._batch.node_rows.inverse_mass, 1)[..., 0]
         masses = 1.0 / inverse
         masses[:, 0] = 0.0
@@ -511,7 +525,8 @@ class Simulation:
         return (orbital + np.einsum("rnij,rnj->rni", self.rotations, self._momenta()))[:, 1:].sum(axis=1)
 
     def natural_frequencies(self, field: ArrayLike | None = None) -> np.ndarray:
-        """Natural frequencies (Hz, increasing) of small vibrations about the equilibrium in `field`, (3,) T; None: straight, no load.
+        """Natural frequencies (Hz, increasing) of small vibrations about the equilibrium in `field`, (3,) T; None:
+        straight, no load.
 
         NaN stands for directions in which the state is unstable.
         """
@@ -522,14 +537,17 @@ class Simulation:
 
 def _check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
     if value not in choices:
-        raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, but got {value!r}: choose one of them.")
+        raise ValueError(
+            f"{name} must be one of {', '.join(map(repr, choices))}, but got {value!r}: choose one of them."
+        )
 
 
 def _shaped(values: RodValues, element: str, num_elements: int) -> RodValues:
     """Values with E divided by the locking factor of the paper's element (every stiffness is proportional to E)."""
     if element != "nodal":
         raise ValueError(
-            f'frequency_shaping must be False with element={element!r}, which does not lock: use it with element="nodal".'
+            f"frequency_shaping must be False with element={element!r}, which does not lock: "
+            'use it with element="nodal".'
         )
     h = values.ends[-1] / num_elements
     factor = 1.0 / (1.0 + values.shear * h**2 / (4.0 * values.bending))
@@ -542,8 +560,10 @@ def _shaped(values: RodValues, element: str, num_elements: int) -> RodValues:
 
 
 def _lost(case: LoadCase, field: np.ndarray) -> str:
-    share = f"{100 * case.share:.3g} % of gravity" if case.share < 1.0 else f"{100 * (case.share - 1):.3g} % of the field"
+    share = (
+        f"{100 * case.share:.3g} % of gravity" if case.share < 1.0 else f"{100 * (case.share - 1):.3g} % of the field"
+    )
     return (
-        f"field must lead to a stable equilibrium from zero, but at {field.tolist()} T the rod loses stability (it buckles or "
-        f"snaps through) at {share}: start from a weaker field and let the dynamics carry the rod over."
+        f"field must lead to a stable equilibrium from zero, but at {field.tolist()} T the rod loses stability "
+        f"(it buckles or snaps through) at {share}: start from a weaker field and let the dynamics carry the rod over."
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -9,19 +10,9 @@ import numpy as np
 from gymnasium.utils import seeding
 
 from magrod_env._jit import PRESENT
-from magrod_env.envs.kernels import (
-    Episodes,
-    Optics,
-    Outcome,
-    Scales,
-    add_travel,
-    begin_episodes,
-    copy_starts,
-    make_rods,
-    observe_all,
-    observe_some,
-    write_commands,
-)
+from magrod_env.envs.commanding import add_travel, write_commands
+from magrod_env.envs.observing import Episodes, Optics, Outcome, Scales, View, observe_all, observe_some
+from magrod_env.envs.resetting import Making, begin_episodes, copy_starts, make_rods
 from magrod_env.envs.settings import Camera, Randomization
 from magrod_env.envs.tasks import Task
 from magrod_env.envs.workspace import Workspace
@@ -29,7 +20,6 @@ from magrod_env.magnetics import Actuator, UniformCoils, _checks
 from magrod_env.rod.batch import PLANE_AXES, RodBatch
 from magrod_env.rod.equilibrium import StaticModel
 from magrod_env.rod.layout import ENERGY, make_blocks
-from magrod_env.rod.stability import set_gravity
 from magrod_env.scene import Scene
 from magrod_env.simulation import SAFETY, Simulation, check_plane, rod_values
 
@@ -69,7 +59,9 @@ class SteeringCore:
         if precision not in ("float64", "float32"):
             raise ValueError(f"precision must be float64 or float32, but got {precision!r}: choose one of them.")
         if actuator.limit is None:
-            raise ValueError("limit of the actuator must be a number for an environment, but got None: give it in tesla.")
+            raise ValueError(
+                "limit of the actuator must be a number for an environment, but got None: give it in tesla."
+            )
         self.scene, self.task, self.workspace, self.num_envs = scene, task, workspace, num_envs
         self.num_elements, self.plane, self.precision, self.observe = num_elements, plane, precision, observe
         self.actuator, self.camera, self.randomization = actuator, camera, randomization
@@ -129,8 +121,8 @@ class SteeringCore:
             bound = model.stable_time_step(strongest, self.plane, damping)
             if step > bound:
                 raise ValueError(
-                    f"time_step must be at most {bound:.3g} s, the stability bound in the coils' strongest field, but got "
-                    f"{step:.3g} s: lower it, or num_elements, or leave it None."
+                    f"time_step must be at most {bound:.3g} s, the stability bound in the coils' strongest field, "
+                    f"but got {step:.3g} s: lower it, or num_elements, or leave it None."
                 )
         self.num_steps = math.ceil(self.control_time / step - 1e-9)
         self.time_step = self.control_time / self.num_steps
@@ -192,17 +184,37 @@ class SteeringCore:
         self._draws = np.zeros((envs, 14))
         self.nodes = self.workspace.tracked_nodes
         self.plane_axes = PLANE_AXES[self.plane]
+        self.view = View(
+            layout=self.batch.layout,
+            axes=self.plane_axes,
+            nodes=self.nodes,
+            targets=self.task.targets,
+            scales=self.scales,
+            optics=self.optics,
+            preview=self.preview,
+            control_time=self.control_time,
+        )
 
     def _set_up_starts(self) -> None:
         """The nominal rod in every equilibrium that an episode may start from, as columns of rows."""
         cases, spread = self.task.start_cases, self.randomization
         self._start_fields = np.array([case.field for case in cases])
         if spread.active:
-            names = ("modulus", "density", "drag", "remanence", "magnet_position", "field_gain", "field_misalignment")
-            names += ("gravity_direction", "initial_field")
+            names = [field.name for field in dataclasses.fields(spread)]
             self._spread: np.ndarray | None = np.array([getattr(spread, name) for name in names])
             model = self.workspace.model
             self._scratch = make_blocks(8, model.layout, model.terms, np.float64).reshape(1, -1, 8)
+            self._making = Making(
+                layout=self.batch.layout,
+                plane=1 if self.plane == "xy" else 2,
+                counts=self.batch.counts,
+                values=self.values,
+                gravity=model.gravity,
+                drag=self.scene.drag_rate or 0.0,
+                still_layout=model.layout,
+                still_terms=model.terms,
+                fields=self._start_fields,
+            )
             return
         self._spread = None
         nominal = Simulation(
@@ -242,25 +254,27 @@ class SteeringCore:
             self.commands[:, which] = self._start_fields[self._starts[which]] + self._draws[which, 11:14]
         add_travel(batch.rows, batch.travel, self.plane_axes, self._field_before)
         batch.travel[which] = 0.0
-        observe_some(
-            batch.rows, batch.layout, batch.terms.planar, self.plane_axes, self.episodes, self.task.targets, self.scales,
-            self.optics, self.preview, self.nodes, self.control_time, self.full, which, out,
-        )  # fmt: skip
+        observe_some(batch.rows, self.view, batch.terms.planar, self.full, self.episodes, which, out)
 
     def _vary(self, which: np.ndarray) -> None:
-        batch, model = self.batch, self.workspace.model
-        still_terms = model.terms
-        set_gravity(self._scratch.reshape(-1), still_terms, model.gravity)
         make_rods(
-            batch.rows, batch.layout, batch.terms.planar, 1 if self.plane == "xy" else 2, batch.counts, self.values,
-            model.gravity, self.scene.drag_rate or 0.0, self._scratch, model.layout, still_terms, self._start_fields, which,
-            self._starts, self._draws, self.episodes, batch.status,
-        )  # fmt: skip
+            self.batch.rows,
+            self._making,
+            self.batch.terms.planar,
+            self._scratch,
+            self.episodes,
+            which,
+            self._starts,
+            self._draws,
+            self.batch.status,
+        )
 
     # ---- steps
 
     def step(self, actions: np.ndarray, out: Outcome) -> None:
-        """One control step of every environment; ``actions`` (num_envs, num_axes), any size: the coils saturate at 1."""
+        """One control step of every environment; ``actions`` (num_envs, num_axes), any size: the coils saturate at
+        1.
+        """
         clipped = np.clip(actions, -1.0, 1.0).astype(np.float64)
         self.commands[1:] = self.commands[:-1].copy()
         self.commands[0] = clipped @ self.coils.directions
@@ -274,10 +288,7 @@ class SteeringCore:
         batch.run(self.num_steps - split, self.time_step, self.blend, self.largest_change)
         self._count_travel()
         batch.watch()
-        observe_all(
-            batch.rows, batch.layout, batch.terms.planar, self.plane_axes, self.episodes, self.task.targets, self.scales,
-            self.optics, self.preview, self.nodes, self.control_time, self.full, clipped, batch.status, out,
-        )  # fmt: skip
+        observe_all(batch.rows, self.view, batch.terms.planar, self.full, self.episodes, clipped, batch.status, out)
 
     def _send(self, commands: np.ndarray) -> None:
         write_commands(self.batch.rows, commands, self.episodes.mixing, self.plane_axes, self.num_envs, self.follows)

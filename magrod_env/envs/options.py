@@ -43,8 +43,12 @@ _DEFAULTS: dict[str, dict[str, Any]] = {
 
 
 def default_scene(task: str) -> Scene:
-    """The paper's rod with the modulus that moves like the paper's, lightly damped; its two-magnet rod for "two_magnet"."""
-    scene = load_scene("paper6_two_magnets") if task == "two_magnet" else load_scene("paper5_circle", modulus="effective")
+    """The paper's rod with the modulus that moves like the paper's, lightly damped; its two-magnet rod for
+    "two_magnet".
+    """
+    scene = (
+        load_scene("paper6_two_magnets") if task == "two_magnet" else load_scene("paper5_circle", modulus="effective")
+    )
     return scene.replace(drag_rate=DRAG_RATE, spin_drag_rate=SPIN_DRAG_RATE)
 
 
@@ -98,10 +102,10 @@ def make_core(task: str, num_envs: int, settings: dict[str, Any]) -> SteeringCor
     unknown = set(settings) - set(common) - set(_TASKS[task])
     if unknown:
         raise ValueError(
-            f"arguments of this environment must be among {', '.join(sorted(set(common) | set(_TASKS[task])))}, but got "
-            f"{', '.join(map(repr, sorted(unknown)))}: check the spelling."
+            f"arguments of this environment must be among {', '.join(sorted({*common, *_TASKS[task]}))}, "
+            f"but got {', '.join(map(repr, sorted(unknown)))}: check the spelling."
         )
-    chosen = {name: settings.get(name, value) for name, value in common.items()}
+    chosen: dict[str, Any] = {name: settings.get(name, value) for name, value in common.items()}
     scene = chosen.pop("scene")
     if scene is None:
         scene = default_scene(task)
@@ -109,9 +113,7 @@ def make_core(task: str, num_envs: int, settings: dict[str, Any]) -> SteeringCor
         scene = load_scene(scene)
     _check_parts(scene, chosen)
     num_elements = int(_checks.count("num_elements", chosen["num_elements"], advice="5 is a good start"))
-    special = tuple(
-        (name, _hashable(settings.get(name, value))) for name, value in sorted(_TASKS[task].items())
-    )
+    special = tuple((name, _hashable(settings.get(name, value))) for name, value in sorted(_TASKS[task].items()))
     workspace, made = _make_task(task, scene, num_elements, chosen["axes"], special)
     chosen["num_elements"] = num_elements
     chosen["randomization"] = chosen["randomization"] or Randomization()
@@ -127,4 +129,6 @@ def _check_parts(scene: Any, chosen: dict[str, Any]) -> None:
         ("randomization", chosen["randomization"] or Randomization(), Randomization),
     ):
         if not isinstance(value, kind):
-            raise ValueError(f"{name} must be a {kind.__name__}, but got {value!r}: build one with {kind.__name__}(...).")
+            raise ValueError(
+                f"{name} must be a {kind.__name__}, but got {value!r}: build one with {kind.__name__}(...)."
+            )

@@ -10,7 +10,18 @@ SHAPES = ("circle", "figure_eight", "square", "letter_M", "letter_R")
 _CORNERS = {
     "square": [(-1, -1), (1, -1), (1, 1), (-1, 1)],
     "letter_M": [(-0.8, -1), (-0.8, 1), (0, -0.2), (0.8, 1), (0.8, -1), (0.8, 1), (0, -0.2), (-0.8, 1)],
-    "letter_R": [(-0.6, -1), (-0.6, 1), (0.3, 1), (0.6, 0.7), (0.6, 0.3), (0.3, 0), (-0.6, 0), (0, 0), (0.6, -1), (0, 0)],
+    "letter_R": [
+        (-0.6, -1),
+        (-0.6, 1),
+        (0.3, 1),
+        (0.6, 0.7),
+        (0.6, 0.3),
+        (0.3, 0),
+        (-0.6, 0),
+        (0, 0),
+        (0.6, -1),
+        (0, 0),
+    ],
 }
 
 
@@ -27,7 +38,9 @@ def shape(name: str, num_points: int = 240) -> np.ndarray:
         fine = np.linspace(0.0, 2.0 * np.pi, 4096, endpoint=False)
         return evenly_spaced(np.stack([np.sin(fine), np.sin(2.0 * fine)], axis=1), num_points)
     if name not in _CORNERS:
-        raise ValueError(f"shape must be one of {', '.join(SHAPES)}, but got {name!r}: choose one, or give points (M, 2).")
+        raise ValueError(
+            f"shape must be one of {', '.join(SHAPES)}, but got {name!r}: choose one, or give points (M, 2)."
+        )
     return evenly_spaced(np.array(_CORNERS[name], float), num_points)
 
 

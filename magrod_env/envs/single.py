@@ -18,14 +18,15 @@ class MagRodEnv(gymnasium.Env):
     """A magnetic rod steered by the field of Helmholtz coils.
 
     ## Description
-    An elastic rod is clamped at the origin, lies along +x when unloaded and carries one or two small permanent magnets. The
-    action is the field of the coils; the field turns the magnets and bends the rod. `task` says what its magnets shall do:
-    follow a circle ("circle"), another closed path ("path"), reach a point ("reach", "planar_reach"), or follow a path
-    with two magnets at once ("two_magnet"). Each registered id is a task with a scene of its own (docs/environments).
+    An elastic rod is clamped at the origin, lies along +x when unloaded and carries one or two small permanent magnets.
+    The action is the field of the coils; the field turns the magnets and bends the rod. `task` says what its magnets
+    shall do: follow a circle ("circle"), another closed path ("path"), reach a point ("reach", "planar_reach"), or
+    follow a path with two magnets at once ("two_magnet"). Each registered id is a task with a scene of its own
+    (docs/environments).
 
     ## Action Space
-    `Box(-1, 1, (num_axes,), float32)`: the field along each coil axis as a share of the coils' limit (45 mT). Beyond 1 the
-    coils saturate, which `info["saturated"]` tells. It acts for one control step, 20 ms by default.
+    `Box(-1, 1, (num_axes,), float32)`: the field along each coil axis as a share of the coils' limit (45 mT). Beyond 1
+    the coils saturate, which `info["saturated"]` tells. It acts for one control step, 20 ms by default.
 
     | axis of "circle", "path", "reach" | "two_magnet", "planar_reach" | unit |
     |---|---|---|
@@ -42,11 +43,12 @@ class MagRodEnv(gymnasium.Env):
     | num_axes | field of the coils by their own sensors | coils' limit |
     | 3 P | target minus position | L/10 |
     | 9 P (paths only) | target in 0.04, 0.1 and 0.2 s minus target now | L/10 |
-    | 13 a node (observe="state") | position (L), quaternion w x y z, velocity (L/s), spin (body, 10 rad/s) of the free nodes | |
+    | 13 a node (observe="state") | position (L), quaternion w x y z, velocity (L/s), body spin (10 rad/s) | |
     | 7 a node (the same, planar) | position x z, half-angle cosine and sine, velocity, spin | |
 
     ## Rewards
-    The sum of four terms, each in `info["reward_<term>"]`; d is the mean distance of the tracked points from their targets.
+    The sum of four terms, each in `info["reward_<term>"]`; d is the mean distance of the tracked points from their
+    targets.
 
     | term | value |
     |---|---|
@@ -60,8 +62,8 @@ class MagRodEnv(gymnasium.Env):
     (`random_start=False`: its first point); for reaching, in zero field.
 
     ## Episode End
-    Terminates when the rod leaves the range in which its numbers mean anything (`info["diverged"]`); truncated by the time
-    limit of the id.
+    Terminates when the rod leaves the range in which its numbers mean anything (`info["diverged"]`); truncated by the
+    time limit of the id.
 
     ## Arguments
     | argument | default | meaning |
@@ -80,7 +82,7 @@ class MagRodEnv(gymnasium.Env):
     | success_distance | 1e-3 | m, for `info["is_success"]` |
     | num_threads | one a core | threads that share a batch |
     | radius, period, center_field, random_start | 16 mm, 2 s, (0, 0, 7.75 mT), True | "circle" |
-    | path, size, period, center_field, random_start | "figure_eight", 12 mm, 4 s, as above | "path": a shape's name or points (M, 2) or (M, 3) m |
+    | path, size, period, ... | "figure_eight", 12 mm, 4 s | "path": a shape's name or points (M, 2) or (M, 3) m |
     | reach_limit | 25 mT | "reach", "planar_reach": fields whose equilibria are the targets |
     | amplitude, period, random_start | 20 mT, 4 s, True | "two_magnet" |
 
@@ -161,6 +163,6 @@ class MagRodEnv(gymnasium.Env):
         info = self.core.info(self._out, action, self.success_distance)
         return {name: value[0].item() if value.ndim == 1 else value[0] for name, value in info.items()}
 
-    def render(self) -> np.ndarray | None:  # type: ignore[override]
+    def render(self) -> np.ndarray | None:
         """The rod now, (height, width, 3) uint8; None without a render mode."""
         return None if self._painter is None else self._painter.paint(0, self._out)

@@ -1,7 +1,7 @@
 """Random numbers for compiled resets and noise: one 64-bit stream an environment, started from its ``np_random``.
 
-splitmix64 (Steele, Lea and Flood 2014): a counter and a mixing function, so a stream is one number, and every environment of
-a batch draws what it would draw alone.
+splitmix64 (Steele, Lea and Flood 2014): a counter and a mixing function, so a stream is one number, and every
+environment of a batch draws what it would draw alone.
 """
 
 import numpy as np

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from magrod_env.envs.observing import Targets
 from magrod_env.envs.paths import evenly_spaced, shape
 from magrod_env.envs.workspace import Workspace
 from magrod_env.magnetics import _checks
@@ -15,18 +15,6 @@ from magrod_env.rod.equilibrium import LoadCase
 
 PATH_POINTS = 120
 GRID_POINTS = 13
-
-
-class Targets(NamedTuple):
-    """Tables of a task, as kernels take them.
-
-    ``table`` (A, B, num_tracked, 3) m: a path of A points (B = 1), or a grid of A x B reachable points. ``rate``: path points a
-    second, zero for a grid. ``starts``: how many entries of the start table an episode may begin from, evenly along the path.
-    """
-
-    table: np.ndarray
-    rate: float
-    starts: int
 
 
 @dataclass(frozen=True)
@@ -56,7 +44,9 @@ def follow_path(
     period = _checks.number("period", period, above=0.0, advice="give the time of one round in seconds")
     array = np.asarray(points, float)
     if array.ndim != 2 or array.shape[0] < 2 or array.shape[1] not in (2, 3) or not np.isfinite(array).all():
-        raise ValueError(f"{name} must be finite points of shape (M, 2) or (M, 3), but got shape {array.shape}: M >= 2.")
+        raise ValueError(
+            f"{name} must be finite points of shape (M, 2) or (M, 3), but got shape {array.shape}: M >= 2."
+        )
     columns = ["xyz".index(letter) for letter in axes]
     full = np.zeros((len(array), 3))
     full[:, columns] = array if array.shape[1] == 2 else array[:, columns]
@@ -103,9 +93,17 @@ def circle(workspace: Workspace, *, radius: float, period: float, center_field: 
 
 
 def named_path(
-    workspace: Workspace, path: str | ArrayLike, *, size: float, period: float, center_field: ArrayLike, random_start: bool
+    workspace: Workspace,
+    path: str | ArrayLike,
+    *,
+    size: float,
+    period: float,
+    center_field: ArrayLike,
+    random_start: bool,
 ) -> Task:
-    """A shape by name, `size` (m) from its centre to its sides, about where `center_field` holds the tip; or given points."""
+    """A shape by name, `size` (m) from its centre to its sides, about where `center_field` holds the tip; or given
+    points.
+    """
     if not isinstance(path, str):
         return follow_path(workspace, path, period=period, axes="yz", random_start=random_start)
     size = _checks.number("size", size, above=0.0, advice="give it in metres")
@@ -122,10 +120,3 @@ def two_magnet_fields(amplitude: float, num_points: int = PATH_POINTS) -> np.nda
     angle = np.linspace(0.0, 2.0 * np.pi, num_points, endpoint=False)
     zero = np.zeros_like(angle)
     return amplitude * np.stack([0.3 * np.sin(2.0 * angle), zero, 0.5 - 0.5 * np.cos(angle)], axis=1)
-
-
-def check_keywords(known: tuple[str, ...], given: dict[str, Any], what: str) -> None:
-    """Refuse a keyword that a task does not have."""
-    for name in given:
-        if name not in known:
-            raise ValueError(f"{what} must have one of the arguments {', '.join(known)}, but got {name!r}: check its spelling.")

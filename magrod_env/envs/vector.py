@@ -30,8 +30,8 @@ def observation_space_of(core: Any) -> spaces.Box:
 class MagRodVectorEnv(VectorEnv):
     """`num_envs` independent environments in one batch; made by `gymnasium.make_vec(id, num_envs=...)`.
 
-    Row i of a batch that is reset with seed s does what a single environment reset with seed s + i does, bit for bit. The
-    batch truncates by itself after `max_episode_steps`.
+    Row i of a batch that is reset with seed s does what a single environment reset with seed s + i does, bit for bit.
+    The batch truncates by itself after `max_episode_steps`.
 
     Args:
         task: "circle", "path", "reach", "two_magnet" or "planar_reach".
@@ -111,7 +111,9 @@ class MagRodVectorEnv(VectorEnv):
         if isinstance(seed, (int, np.integer)):
             return [int(seed) + i for i in range(self.num_envs)]
         if len(seed) != self.num_envs:
-            raise ValueError(f"seed must be one number or {self.num_envs}, but got {len(seed)}: one for each environment.")
+            raise ValueError(
+                f"seed must be one number or {self.num_envs}, but got {len(seed)}: one for each environment."
+            )
         return list(seed)
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
@@ -162,12 +164,12 @@ class MagRodVectorEnv(VectorEnv):
         array = np.asarray(actions, np.float64)
         if array.shape != self.action_space.shape:
             raise ValueError(
-                f"actions must have shape {self.action_space.shape}, but got {array.shape}: one row for each environment."
+                f"actions must have shape {self.action_space.shape}, but got {array.shape}: one row an environment."
             )
         if not np.isfinite(array).all():
             row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
             raise ValueError(
-                f"actions must be finite, but that of environment {row} is {array[row].tolist()}: check what computed it."
+                f"actions must be finite, but environment {row} got {array[row].tolist()}: check what computed it."
             )
         return array
 

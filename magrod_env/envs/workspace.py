@@ -40,8 +40,8 @@ class Workspace:
         case = self.model.equilibrium(goal) if near is None else self.model.follow(near, goal)
         if not case.reached:
             raise StabilityError(
-                f"field must lead to a stable equilibrium, but at {goal.tolist()} T the rod loses stability on the way from "
-                "zero: choose a weaker field, or one that opposes the magnets less."
+                f"field must lead to a stable equilibrium, but at {goal.tolist()} T the rod loses stability on the way "
+                "from zero: choose a weaker field, or one that opposes the magnets less."
             )
         return case
 
@@ -56,11 +56,14 @@ class Workspace:
         """Positions of the tracked nodes, m, (len(cases), num_tracked, 3)."""
         return np.array([case.positions[list(self.tracked_nodes)] for case in cases])
 
-    def hold(self, target: ArrayLike, *, axes: str = "yz", near: LoadCase | None = None, tolerance: float = 1e-8) -> LoadCase:
-        """Equilibrium whose outermost tracked point has two coordinates of `target` (3,) m; its `field` is what holds it.
+    def hold(
+        self, target: ArrayLike, *, axes: str = "yz", near: LoadCase | None = None, tolerance: float = 1e-8
+    ) -> LoadCase:
+        """Equilibrium whose outermost tracked point has two coordinates of `target` (3,) m; its `field` is what holds
+        it.
 
-        The coordinates, and the field's only components, are those of the two axes: y and z for "yz". Newton's method from
-        the equilibrium `near`.
+        The coordinates, and the field's only components, are those of the two axes: y and z for "yz". Newton's method
+        from the equilibrium `near`.
 
         Raises:
             ValueError: if the point is out of reach: no field was found.

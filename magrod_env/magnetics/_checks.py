@@ -65,9 +65,7 @@ def points(what: str, value: Any) -> np.ndarray:
     """Return `value` as a float array of shape (..., 3)."""
     array = np.asarray(value, dtype=float)
     if array.ndim == 0 or array.shape[-1] != 3:
-        raise ValueError(
-            f"{what} must have shape (..., 3), but got shape {array.shape}: put x, y, z on the last axis."
-        )
+        raise ValueError(f"{what} must have shape (..., 3), but got shape {array.shape}: put x, y, z on the last axis.")
     return array
 
 

@@ -40,18 +40,14 @@ class HelmholtzPair:
 
     def __post_init__(self) -> None:
         radius = _checks.number("radius of the coil pair", self.radius, above=0.0, advice="give it in metres")
-        turns = _checks.count(
-            "turns of the coil pair", self.turns, advice="reverse the axis to reverse the field"
-        )
+        turns = _checks.count("turns of the coil pair", self.turns, advice="reverse the axis to reverse the field")
         axis = _checks.unit_vector("axis of the coil pair", self.axis, advice="give it in the world frame")
         center = _checks.vector("center of the coil pair", self.center, advice="give x, y, z in metres")
         for name, value in (("radius", radius), ("turns", turns), ("axis", axis), ("center", center)):
             object.__setattr__(self, name, value)
         if self.separation is not None:
             advice = "give it in metres, or None for one radius"
-            separation = _checks.number(
-                "separation of the coil pair", self.separation, above=0.0, advice=advice
-            )
+            separation = _checks.number("separation of the coil pair", self.separation, above=0.0, advice=advice)
             object.__setattr__(self, "separation", separation)
 
     @property
@@ -113,13 +109,10 @@ class CoilSystem:
     def __post_init__(self) -> None:
         pairs = tuple(self.pairs) if isinstance(self.pairs, (tuple, list)) else ()
         if not pairs or not all(isinstance(pair, HelmholtzPair) for pair in pairs):
-            raise ValueError(
-                f"pairs must be one or more HelmholtzPair, but got {self.pairs!r}: give a tuple or list."
-            )
+            raise ValueError(f"pairs must be one or more HelmholtzPair, but got {self.pairs!r}: give a tuple or list.")
         if len({pair.center for pair in pairs}) > 1:
             raise ValueError(
-                f"pairs must share one center, but got {[pair.center for pair in pairs]}: "
-                "nest them around one point."
+                f"pairs must share one center, but got {[pair.center for pair in pairs]}: nest them around one point."
             )
         object.__setattr__(self, "pairs", pairs)
 

@@ -61,9 +61,7 @@ def dipole_force(moment: ArrayLike, gradient: ArrayLike) -> np.ndarray:
     moment = _checks.points("moment", moment)
     gradient = _checks.points("gradient", gradient)
     if gradient.ndim < 2 or gradient.shape[-2] != 3:
-        raise ValueError(
-            f"gradient must have shape (..., 3, 3), but got shape {gradient.shape}: give dB_i/dx_j."
-        )
+        raise ValueError(f"gradient must have shape (..., 3, 3), but got shape {gradient.shape}: give dB_i/dx_j.")
     return np.einsum("...i,...ij->...j", moment, gradient)
 
 

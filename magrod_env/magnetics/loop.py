@@ -61,12 +61,8 @@ class CircularLoop:
     def __post_init__(self) -> None:
         radius = _checks.number("radius of the loop", self.radius, above=0.0, advice="give it in metres")
         center = _checks.vector("center of the loop", self.center, advice="give x, y, z in metres")
-        normal = _checks.unit_vector(
-            "normal of the loop", self.normal, advice="give its axis in the world frame"
-        )
-        turns = _checks.count(
-            "turns of the loop", self.turns, advice="reverse the normal to reverse the field"
-        )
+        normal = _checks.unit_vector("normal of the loop", self.normal, advice="give its axis in the world frame")
+        turns = _checks.count("turns of the loop", self.turns, advice="reverse the normal to reverse the field")
         for name, value in (("radius", radius), ("center", center), ("normal", normal), ("turns", turns)):
             object.__setattr__(self, name, value)
 
@@ -114,9 +110,7 @@ class CircularLoop:
         """Return k a of the module's docstring for all turns, T m^2."""
         return MU_0 / (4.0 * np.pi) * self.turns * self.radius * np.asarray(current, dtype=float)
 
-    def _assemble(
-        self, across: np.ndarray, axial: np.ndarray, mixed: np.ndarray, radial: np.ndarray
-    ) -> np.ndarray:
+    def _assemble(self, across: np.ndarray, axial: np.ndarray, mixed: np.ndarray, radial: np.ndarray) -> np.ndarray:
         """Return the tensor from its cylindrical components and the unit vector off the axis."""
         normal = np.array(self.normal)
         along_axis = np.outer(normal, normal)
@@ -135,9 +129,7 @@ def _integrals(radius: float, rho: np.ndarray, z: np.ndarray) -> _Integrals:
     largest = np.hypot(radius + rho, z)
     smallest = np.hypot(radius - rho, z)
     if np.any(smallest <= _WIRE * radius):
-        raise ValueError(
-            "points must lie off the wire, but one lies on it, where the field is infinite: move it away."
-        )
+        raise ValueError("points must lie off the wire, but one lies on it, where the field is infinite: move it away.")
     first_kind, second_kind, sigma = complete_integrals(smallest / largest)
     m = 4.0 * radius * rho / largest**2
     c0 = 4.0 * second_kind / (largest * smallest**2)

@@ -86,9 +86,7 @@ class UniformCoils:
                 f'give one entry for each of the axes "{self.axes}".'
             )
         if np.any(np.isnan(array)):
-            raise ValueError(
-                f"fraction must hold no NaN, but got {fraction!r}: check what computed the command."
-            )
+            raise ValueError(f"fraction must hold no NaN, but got {fraction!r}: check what computed the command.")
         return array
 
 

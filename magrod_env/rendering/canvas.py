@@ -116,9 +116,7 @@ def _shade(colours: Array, normals: Array) -> NDArray[np.uint8]:
     return np.clip(lit, 0.0, 255.0).astype(np.uint8)
 
 
-def write(
-    frame: Image.Image, at: Array, words: str, colour: Colour, height: float, anchor: str = "left"
-) -> float:
+def write(frame: Image.Image, at: Array, words: str, colour: Colour, height: float, anchor: str = "left") -> float:
     """Write words of a letter height in pixels and return their width.
 
     at: (2,) pixel of the words' left end, middle or right end, as `anchor` says, at half their height.

@@ -20,9 +20,7 @@ _TICKS: Final = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 _MOST_POINTS: Final = 400  # of a path or trace
 
 
-def draw_field(
-    frame: Image.Image, pane: Box, camera: Camera, field: Array, limit: float, unit: float
-) -> None:
+def draw_field(frame: Image.Image, pane: Box, camera: Camera, field: Array, limit: float, unit: float) -> None:
     """The dial in the pane's upper right corner: the field's arrow in the picture plane, rim at `limit` (T).
 
     The ring beside it shows the part along the line of sight: a dot towards the viewer, a cross away from it.

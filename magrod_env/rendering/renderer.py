@@ -108,9 +108,7 @@ class Renderer:
         self._write_status(frame, time, tip_error, field, text, diverged)
         return np.array(frame)
 
-    def _draw_view(
-        self, frame: Image.Image, pane: Box, camera: Camera, mesh: Mesh | None, marks: _Marks
-    ) -> None:
+    def _draw_view(self, frame: Image.Image, pane: Box, camera: Camera, mesh: Mesh | None, marks: _Marks) -> None:
         """Rod and marks, in the smallest window that holds them."""
         ring = max(1.7 * self._picture.radius * camera.scale, 7 * self._unit)
         solids = np.empty((0, 3)) if mesh is None else mesh.corners.reshape(-1, 3)

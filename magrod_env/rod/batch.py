@@ -1,5 +1,6 @@
 """Many rods of one make in lane blocks: writing them, stepping them on several threads, reading them."""
 
+import itertools
 import os
 from concurrent.futures import ThreadPoolExecutor
 
@@ -33,8 +34,8 @@ BLOCKS_PER_THREAD = 4  # below this, handing a share to another thread costs mor
 class RodBatch:
     """State and constants of ``num_rods`` rods with the same terms, magnets' nodes and numbers of elements.
 
-    Args: ``values`` of the nominal rod; ``magnet_segments`` (num_magnets,) the segment at whose end each magnet sits; ``plane``
-    None, "xy" or "xz"; the scene's terms are present where they are not None or False.
+    Args: ``values`` of the nominal rod; ``magnet_segments`` (num_magnets,) the segment at whose end each magnet sits;
+    ``plane`` None, "xy" or "xz"; the scene's terms are present where they are not None or False.
     """
 
     def __init__(
@@ -129,7 +130,7 @@ class RodBatch:
         cuts = [total * k // workers for k in range(workers + 1)]
         others = [
             self._pool.submit(kernel, self.blocks, first, last, *arguments)
-            for first, last in zip(cuts[1:-1], cuts[2:], strict=True)
+            for first, last in itertools.pairwise(cuts[1:])
         ]
         kernel(self.blocks, 0, cuts[1], *arguments)
         for other in others:

@@ -42,7 +42,8 @@ def stretch_energy(gamma, axial, shear, planar):
 def element_energy(block, layout, element, pose_a, pose_b, lanes, planar, nodal):
     """Elastic energy (J) of one element and the square of its axial strain.
 
-    Shear does not count as strain: the helical element's holds the residual bending, the nodal element's half of the bend.
+    Shear does not count as strain: the helical element's holds the residual bending, the nodal element's half of the
+    bend.
     """
     row = layout.elements + ELEMENT_ROWS * element
     length, inverse_length = load(block, row + LENGTH, lanes), load(block, row + INVERSE_LENGTH, lanes)
@@ -136,9 +137,9 @@ def watch_blocks(blocks, first, last, layout, terms, measures, travel, status):
     """Look at every rod of some blocks: status codes into ``status`` (num_rods,), 0 where all is well.
 
     NOT_FINITE: a NaN or an infinity. BENT: one element has turned by pi or more. STRETCHED: an element's axial strain
-    passed one half. ENERGETIC: the energy rose by more than the field can have put in since the last look, |m| times the sum
-    of the field's changes ``travel`` (num_rods,) T, plus a tenth of itself: the mark of a finite but unstable run. Once set, a
-    status stays. ``measures`` (num_blocks, 5 * L) is filled by ``measure_blocks``.
+    passed one half. ENERGETIC: the energy rose by more than the field can have put in since the last look, |m| times
+    the sum of the field's changes ``travel`` (num_rods,) T, plus a tenth of itself: the mark of a finite but unstable
+    run. Once set, a status stays. ``measures`` (num_blocks, 5 * L) is filled by ``measure_blocks``.
     """
     lanes = len(terms.lanes)
     measure_blocks(blocks, first, last, layout, terms, measures)

@@ -17,8 +17,8 @@ from magrod_env.rod.tangent import BAND, LANES
 class LoadCase:
     """An equilibrium, or the last stable shape before stability was lost.
 
-    positions (num_nodes, 3) m and quaternions (num_nodes, 4), world; ``share`` 2 where all loads act, else where stability was
-    lost: 0-1 the share of gravity, 1-2 one plus the share of the field.
+    positions (num_nodes, 3) m and quaternions (num_nodes, 4), world; ``share`` 2 where all loads act, else where
+    stability was lost: 0-1 the share of gravity, 1-2 one plus the share of the field.
     """
 
     positions: np.ndarray
@@ -74,7 +74,15 @@ class StaticModel:
         slopes = np.zeros(9) if gradient is None else np.array(gradient, float).ravel()
         present = None if gradient is None else PRESENT
         status, share = find_equilibrium(
-            block, self.layout, self.terms, self.terms.nodal, present, np.array(field, float), slopes, positions, quaternions
+            block,
+            self.layout,
+            self.terms,
+            self.terms.nodal,
+            present,
+            np.array(field, float),
+            slopes,
+            positions,
+            quaternions,
         )
         return LoadCase(positions, quaternions, status == REACHED, float(share), np.array(field, float), slopes)
 

@@ -1,7 +1,8 @@
-"""The helical element: constant strain between two nodes on SE(3), so bending, twist and stretch are exact where uniform.
+"""The helical element: constant strain between two nodes on SE(3), so bending, twist and stretch are exact where
+uniform.
 
-Notation of the kernels: node a and node b, ``phi`` rotation vector from a to b (mid-frame = both end frames), ``chord`` the
-chord over the length in the mid frame, ``gamma`` the stretch-and-shear strain (1, 0, 0 at rest), E = (1, 0, 0).
+Notation of the kernels: node a and node b, ``phi`` rotation vector from a to b (mid-frame = both end frames), ``chord``
+the chord over the length in the mid frame, ``gamma`` the stretch-and-shear strain (1, 0, 0 at rest), E = (1, 0, 0).
 Derived in docs/physics.md; every force is checked against the gradient of the energy in the tests.
 """
 
@@ -36,8 +37,9 @@ def strain_slope(y):
 def helical_strain(pose_a, pose_b, inverse_length):
     """Strains of one element and the geometry its forces need.
 
-    Returns ``gamma`` (3,), ``phi`` (3,) rad, and ``(chord, u, mid, (q, w, r, x))``: chord in the mid frame, quarter-angle
-    vector u = tan(theta/4) n, rows of the mid-frame matrix, and the scalar functions of theta that ``helical_loads`` shares.
+    Returns ``gamma`` (3,), ``phi`` (3,) rad, and ``(chord, u, mid, (q, w, r, x))``: chord in the mid frame,
+    quarter-angle vector u = tan(theta/4) n, rows of the mid-frame matrix, and the scalar functions of theta that
+    ``helical_loads`` shares.
     """
     position_a, rotation_a = pose_a
     position_b, rotation_b = pose_b
@@ -71,7 +73,8 @@ def unwind(v, phi, a, sinc_inverse):
 
 @inline_jit
 def helical_loads(gamma, phi, geometry, stress, moment, length):
-    """Nodal loads of an element from its stress (mid-frame force, N) and moment (N m), conjugate to ``gamma`` and ``phi``.
+    """Nodal loads of an element from its stress (mid-frame force, N) and moment (N m), conjugate to ``gamma`` and
+    ``phi``.
 
     Returns the world force on node a (node b gets its negative) and the body torques on a and on b.
     """
@@ -93,10 +96,11 @@ def helical_loads(gamma, phi, geometry, stress, moment, length):
 
 @inline_jit
 def helical_strain_rates(gamma, phi, geometry, velocity_a, spin_a, velocity_b, spin_b, inverse_length):
-    """Rates of ``gamma`` (1/s) and ``phi`` (rad/s) from nodal velocities (world, m/s) and angular velocities (body, rad/s).
+    """Rates of ``gamma`` (1/s) and ``phi`` (rad/s) from nodal velocities (world, m/s) and angular velocities (body,
+    rad/s).
 
-    The transpose of the map in ``helical_loads``: stress times rate is the power of the nodal loads, so Kelvin-Voigt damping
-    takes energy out, and no momentum.
+    The transpose of the map in ``helical_loads``: stress times rate is the power of the nodal loads, so Kelvin-Voigt
+    damping takes energy out, and no momentum.
     """
     chord, u, mid, q, w, r, x, a, sinc_inverse = geometry
     beta = 0.0625 * (w + q) * sinc_inverse * r

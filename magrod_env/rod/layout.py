@@ -1,7 +1,7 @@
 """Where the numbers of a lane block lie: structure of arrays, one row of ``len(terms.lanes)`` rods for each quantity.
 
-A block holds its rods' loads, magnets, nodes and elements, constants beside state, so that a step touches one piece of memory
-and every rod may have its own material, magnets, gravity and field. SI units; node 0 is the clamp.
+A block holds its rods' loads, magnets, nodes and elements, constants beside state, so that a step touches one piece of
+memory and every rod may have its own material, magnets, gravity and field. SI units; node 0 is the clamp.
 """
 
 from typing import NamedTuple
@@ -29,7 +29,9 @@ ELEMENT_ROWS = 6
 
 
 class NodeRows(NamedTuple):
-    """Offsets inside a node: position (m, world), rotation, velocity (m/s), momentum (body, kg m^2/s), then constants."""
+    """Offsets inside a node: position (m, world), rotation, velocity (m/s), momentum (body, kg m^2/s), then
+    constants.
+    """
 
     position: int
     rotation: int
@@ -75,7 +77,8 @@ class Layout(NamedTuple):
 def make_layout(num_elements: int, magnet_nodes: tuple[int, ...], terms: Terms) -> Layout:
     """Rows of a block with these elements and magnets.
 
-    Compiled code cannot index an empty tuple: without magnets there is one with no moment on the clamp, which nothing reads.
+    Compiled code cannot index an empty tuple: without magnets there is one with no moment on the clamp, which nothing
+    reads.
     """
     magnet_nodes = magnet_nodes or (0,)
     node_rows = SPATIAL.size if terms.planar is None else PLANAR.size

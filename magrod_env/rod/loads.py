@@ -120,7 +120,9 @@ def bend_cosine(pose_a, pose_b, planar):
 
 @inline_jit
 def delayed_motion(block, layout, node, lanes, planar):
-    """Velocity and angular velocity of a node at the kick: those before it plus half of the last kick (second order)."""
+    """Velocity and angular velocity of a node at the kick: those before it plus half of the last kick (second
+    order).
+    """
     row = node_row(layout, planar, node)
     motion = load_motion(block, row, lanes, planar)
     if planar is None:
@@ -155,7 +157,11 @@ def helical_element(block, layout, element, pose_a, pose_b, terms, planar, inter
             gamma_rate, phi_rate = helical_strain_rates(
                 gamma, phi, geometry, velocity_a, spin_a, velocity_b, spin_b, inverse_length
             )
-            stretch = (stretch[0] + time * gamma_rate[0], stretch[1] + time * gamma_rate[1], stretch[2] + time * gamma_rate[2])
+            stretch = (
+                stretch[0] + time * gamma_rate[0],
+                stretch[1] + time * gamma_rate[1],
+                stretch[2] + time * gamma_rate[2],
+            )
             bend = (phi[0] + time * phi_rate[0], phi[1] + time * phi_rate[1], phi[2] + time * phi_rate[2])
         stress = (axial * stretch[0], shear * stretch[1], shear * stretch[2])
         moment = (torsion * bend[0], bending * bend[1], bending * bend[2])
@@ -224,7 +230,9 @@ def local_field(block, position, lanes, planar, gradient):
 
 @inline_jit
 def magnet_loads(block, layout, magnet, pose, lanes, planar, gradient):
-    """Torque (body) and force (world) on magnet number ``magnet``: m x B and grad(m.B), the force zero without gradient."""
+    """Torque (body) and force (world) on magnet number ``magnet``: m x B and grad(m.B), the force zero without
+    gradient.
+    """
     field = local_field(block, pose[0], lanes, planar, gradient)
     if planar is None:
         moment = load3(block, layout.magnets + 3 * magnet, lanes)

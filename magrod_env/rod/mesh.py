@@ -1,7 +1,7 @@
 """From a rod and its magnets to the constants of a lane block: element lengths, stiffness, lumped masses.
 
-A node sits at every magnet, so elements may differ in length from segment to segment (a segment lies between neighbouring
-magnets or ends). Derived in docs/physics.md.
+A node sits at every magnet, so elements may differ in length from segment to segment (a segment lies between
+neighbouring magnets or ends). Derived in docs/physics.md.
 """
 
 from typing import NamedTuple
@@ -69,9 +69,10 @@ def arc_lengths(ends, counts):
 def lumped_lengths(arc, corrected):
     """Length of rod that each node carries, shape (num_nodes,), m: weights of a quadrature along the rod.
 
-    Plain: the trapezoidal rule. Corrected: with the Euler-Maclaurin end terms -(h^2/12) f' of every piece of constant h,
-    f' from the three nearest nodes. At the clamp f' = 0; at the free end of a uniform rod this gives Gregory's weights 3/8,
-    7/6, 23/24; with one or two elements the integrand's zero and zero slope at the clamp take the missing nodes' place.
+    Plain: the trapezoidal rule. Corrected: with the Euler-Maclaurin end terms -(h^2/12) f' of every piece of constant
+    h, f' from the three nearest nodes. At the clamp f' = 0; at the free end of a uniform rod this gives Gregory's
+    weights 3/8, 7/6, 23/24; with one or two elements the integrand's zero and zero slope at the clamp take the missing
+    nodes' place.
     """
     last = len(arc) - 1
     weights = np.zeros(last + 1)
@@ -107,8 +108,8 @@ def lumped_lengths(arc, corrected):
 def write_rod(rows, lane, layout, counts, values, planar, nodal):
     """Write one rod's constants into lane ``lane`` of a block ``rows`` (num_rows, L), and lay it straight and at rest.
 
-    The helical element gets the residual bending flexibility 1/GA* = 1/GA + h^2/(12 EI) (MacNeal 1978) and corrected masses;
-    the nodal element has neither, as in the paper.
+    The helical element gets the residual bending flexibility 1/GA* = 1/GA + h^2/(12 EI) (MacNeal 1978) and corrected
+    masses; the nodal element has neither, as in the paper.
     """
     arc = arc_lengths(values.ends, counts)
     carried = lumped_lengths(arc, nodal is None)

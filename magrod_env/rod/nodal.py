@@ -1,7 +1,8 @@
-"""The paper's element ("nodal"): strain measured with each end's rotation and averaged, Cayley vector as bending strain.
+"""The paper's element ("nodal"): strain measured with each end's rotation and averaged, Cayley vector as bending
+strain.
 
-Tariverdi et al. 2020, eq. 6, with the bending term that the printed equation lacks. It locks in shear: an element in pure
-bending is stiffer by 1 + GA h^2/(4 EI) (docs/physics.md). Kept to reproduce the paper and as a baseline.
+Tariverdi et al. 2020, eq. 6, with the bending term that the printed equation lacks. It locks in shear: an element in
+pure bending is stiffer by 1 + GA h^2/(4 EI) (docs/physics.md). Kept to reproduce the paper and as a baseline.
 """
 
 from magrod_env._jit import inline_jit
@@ -21,7 +22,9 @@ from magrod_env.rod.so3 import (
 
 @inline_jit
 def nodal_strain(pose_a, pose_b, inverse_length):
-    """Strains of one element: ``gamma`` with the rotation of node a and of node b, half the Cayley vector g, both frames."""
+    """Strains of one element: ``gamma`` with the rotation of node a and of node b, half the Cayley vector g, both
+    frames.
+    """
     position_a, rotation_a = pose_a
     position_b, rotation_b = pose_b
     cosine, vector = relative_rotation(rotation_a, rotation_b)

@@ -44,7 +44,9 @@ def planar_relative_rotation(a, b):
 
 @inline_jit
 def planar_helical_strain(pose_a, pose_b, inverse_length):
-    """Strain ``gamma`` (2,), relative angle ``phi`` and shared geometry of one helical element (see ``helical_strain``)."""
+    """Strain ``gamma`` (2,), relative angle ``phi`` and shared geometry of one helical element (see
+    ``helical_strain``).
+    """
     position_a, rotation_a = pose_a
     position_b, rotation_b = pose_b
     cosine, sine = planar_relative_rotation(rotation_a, rotation_b)

@@ -1,8 +1,8 @@
 """Vectors and rotations as tuples of numbers, for kernels.
 
-A vector is ``(x, y, z)``; a rotation is a unit quaternion ``(w, x, y, z)`` that maps body to world. The numbers are floats or
-SIMD lanes (:mod:`magrod_env._simd`); nothing here allocates or branches. Quaternions have four numbers instead of a matrix's
-nine, stay on the group by one normalisation, and keep track of relative rotations up to 2 pi.
+A vector is ``(x, y, z)``; a rotation is a unit quaternion ``(w, x, y, z)`` that maps body to world. The numbers are
+floats or SIMD lanes (:mod:`magrod_env._simd`); nothing here allocates or branches. Quaternions have four numbers
+instead of a matrix's nine, stay on the group by one normalisation, and keep track of relative rotations up to 2 pi.
 """
 
 import numba

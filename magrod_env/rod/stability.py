@@ -46,11 +46,14 @@ def angular_frequencies(stiffness, inertia, plane: str | None):
     return np.sqrt(np.where(squares >= 0.0, squares, np.nan))
 
 
-def stable_time_step(block, layout: Layout, terms: Terms, field_magnitude: float, plane: str | None, damping: float) -> float:
+def stable_time_step(
+    block, layout: Layout, terms: Terms, field_magnitude: float, plane: str | None, damping: float
+) -> float:
     """Largest stable time step of the straight rod, s, in a field of any direction up to ``field_magnitude`` T.
 
-    2/omega_max of the linearised rod; a dipole adds at most |m||B| to its node's rotational stiffness (Rayleigh's bound), and
-    Kelvin-Voigt damping of time ``damping`` (s) shortens the step to (sqrt(4 w^2 + 16 c^2) - 4 c)/w^2 with c = damping w^2.
+    2/omega_max of the linearised rod; a dipole adds at most |m||B| to its node's rotational stiffness (Rayleigh's
+    bound), and Kelvin-Voigt damping of time ``damping`` (s) shortens the step to (sqrt(4 w^2 + 16 c^2) - 4 c)/w^2 with
+    c = damping w^2.
     """
     stiffness, inertia = linearise(block, layout, terms._replace(magnets=None), None, *straight(block, layout, terms))
     rows = block.reshape(-1, len(terms.lanes))[:, 0]
@@ -72,9 +75,9 @@ def time_step_bound(stiffness, inertia, plane: str | None, damping: float) -> fl
 def shock_factor(block, layout: Layout, terms: Terms, field_magnitude: float) -> float:
     """How much a sudden field of ``field_magnitude`` T raises the highest frequency of the rod.
 
-    The field turns a magnet's section before its neighbours move: to twice the angle d = m B/k at which its elements hold it,
-    k = sum of GA* h/4 + EI/h. So turned, an element is d^2/8 shorter than its chord, and its axial stiffness adds about
-    EA h d^2/8 to k: the frequency grows by sqrt(1 + EA h d^2/(8 k)) (derived in docs/physics.md).
+    The field turns a magnet's section before its neighbours move: to twice the angle d = m B/k at which its elements
+    hold it, k = sum of GA* h/4 + EI/h. So turned, an element is d^2/8 shorter than its chord, and its axial stiffness
+    adds about EA h d^2/8 to k: the frequency grows by sqrt(1 + EA h d^2/(8 k)) (derived in docs/physics.md).
     """
     rows = block.reshape(-1, len(terms.lanes))[:, 0]
     worst = 0.0

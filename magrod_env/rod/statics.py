@@ -1,8 +1,9 @@
 """Static equilibrium of one rod under gravity and a field, on the branch that a real rod would reach.
 
-Newton's method on the loads with their tangent, continued from the straight, unloaded rod: gravity is turned on first, then
-the field from zero. Every accepted point must be stable (a positive definite tangent) and near the one before; where no step,
-however short, finds such a point, the rod buckles or snaps through there, which is reported and never jumped over.
+Newton's method on the loads with their tangent, continued from the straight, unloaded rod: gravity is turned on first,
+then the field from zero. Every accepted point must be stable (a positive definite tangent) and near the one before;
+where no step, however short, finds such a point, the rod buckles or snaps through there, which is reported and never
+jumped over.
 """
 
 import numpy as np
@@ -74,9 +75,9 @@ def set_loads(block, terms, share, gravity, field, gradient):
 def find_equilibrium(block, layout, terms, nodal, with_gradient, field, gradient, positions, rotations):
     """Equilibrium reached from the straight rod, into ``positions`` (N + 1, 3) m and ``rotations`` (N + 1, 4).
 
-    ``block``: constants of one rod in all eight lanes, its gravity included; ``field`` (3,) T and ``gradient`` (9,) T/m at the
-    origin. Returns (REACHED or LOST, share): share is 2 when all loads act; where stability is lost it is the share of
-    gravity (0-1) or 1 plus the share of the field, and the last stable shape is left behind.
+    ``block``: constants of one rod in all eight lanes, its gravity included; ``field`` (3,) T and ``gradient`` (9,) T/m
+    at the origin. Returns (REACHED or LOST, share): share is 2 when all loads act; where stability is lost it is the
+    share of gravity (0-1) or 1 plus the share of the field, and the last stable shape is left behind.
     """
     lanes = len(terms.lanes)
     gravity = np.array([block[(GRAVITY + k) * lanes] for k in range(3)])

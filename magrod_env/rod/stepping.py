@@ -1,9 +1,9 @@
 """One loop nest that steps rods: drift, kick, drift, for spatial or planar rods, either element, one rod or many lanes.
 
-A step of length dt is a drift of dt/2, a kick with the loads at the middle, a drift of dt/2; inside a run neighbouring drifts
-merge. It is the Lie group variational integrator of Tariverdi et al. 2020 (eq. 10-16, with the corrections in docs/audit.md)
-in its symmetric form, so positions and velocities belong to the same time at every call's start and end. Dissipation enters
-as forcing. Branches on ``terms`` are decided when the kernel is compiled.
+A step of length dt is a drift of dt/2, a kick with the loads at the middle, a drift of dt/2; inside a run neighbouring
+drifts merge. It is the Lie group variational integrator of Tariverdi et al. 2020 (eq. 10-16, with the corrections in
+docs/audit.md) in its symmetric form, so positions and velocities belong to the same time at every call's start and end.
+Dissipation enters as forcing. Branches on ``terms`` are decided when the kernel is compiled.
 """
 
 from magrod_env._jit import inline_jit, jit
@@ -143,7 +143,9 @@ def move_node(block, layout, node, pose, force, torque, drift_step, brakes, term
 
 @jit
 def kick_and_drift(block, layout, terms, planar, nodal, gradient, internal_damping, drift_step, brakes):
-    """One sweep along the rod: loads of element e complete node e, which is kicked and drifts while e + 1 is looked at."""
+    """One sweep along the rod: loads of element e complete node e, which is kicked and drifts while e + 1 is looked
+    at.
+    """
     lanes = terms.lanes
     last = layout.num_elements
     pose = load_pose(block, layout.nodes, lanes, planar)
@@ -190,7 +192,9 @@ def braking(block, row, drag, time_step, lanes):
 
 
 @jit
-def run_block(block, layout, terms, planar, nodal, gradient, internal_damping, num_steps, time_step, blend, largest_change):
+def run_block(
+    block, layout, terms, planar, nodal, gradient, internal_damping, num_steps, time_step, blend, largest_change
+):
     """Step one lane block ``num_steps`` times."""
     keep, gain = braking(block, DRAG, terms.drag, time_step, terms.lanes)
     keep_spin, gain_spin = braking(block, SPIN_DRAG, terms.spin_drag, time_step, terms.lanes)
@@ -209,8 +213,8 @@ def run_block(block, layout, terms, planar, nodal, gradient, internal_damping, n
 def run_blocks(blocks, first, last, layout, terms, num_steps, time_step, blend, largest_change):
     """Step lane blocks ``first`` to ``last`` (exclusive) of ``blocks`` (num_blocks, rows * L) ``num_steps`` times.
 
-    ``time_step`` s; ``blend`` = 1 - exp(-dt/(2 lag)) and ``largest_change`` (T, over half a step) act only with coils that
-    have a lag or a slew limit.
+    ``time_step`` s; ``blend`` = 1 - exp(-dt/(2 lag)) and ``largest_change`` (T, over half a step) act only with coils
+    that have a lag or a slew limit.
     """
     for b in range(first, last):
         run_block(

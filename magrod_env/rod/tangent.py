@@ -1,14 +1,13 @@
 """Residual and tangent stiffness of one rod, element by element, from the loads that the stepping kernel uses.
 
-Degrees of freedom of node a = 1..N: displacement (world, m) and rotation (body, rad), 6 a node. The tangent is the derivative
-of the loads by central differences, eight perturbations at a time in the lanes of one block; tests compare it with the second
-derivative of the energy. It is stored by its lower band, 12 wide.
+Degrees of freedom of node a = 1..N: displacement (world, m) and rotation (body, rad), 6 a node. The tangent is the
+derivative of the loads by central differences, eight perturbations at a time in the lanes of one block; tests compare
+it with the second derivative of the energy. It is stored by its lower band, 12 wide.
 """
 
 import numpy as np
 
 from magrod_env._jit import jit
-from magrod_env._simd import load
 from magrod_env.rod.layout import ELEMENT_ROWS, GRAVITY, SPATIAL
 from magrod_env.rod.loads import element_loads, load_pose, magnet_loads, store3
 
@@ -30,7 +29,12 @@ def write_pose(rows, row, position, rotation, direction, lane, step, length):
         a = half if direction == 3 else 0.0
         b = half if direction == 4 else 0.0
         c = half if direction == 5 else 0.0
-        w, x, y, z = w - x * a - y * b - z * c, x + w * a + y * c - z * b, y + w * b + z * a - x * c, z + w * c + x * b - y * a
+        w, x, y, z = (
+            w - x * a - y * b - z * c,
+            x + w * a + y * c - z * b,
+            y + w * b + z * a - x * c,
+            z + w * c + x * b - y * a,
+        )
         norm = np.sqrt(w * w + x * x + y * y + z * z)
         w, x, y, z = w / norm, x / norm, y / norm, z / norm
     rows[row + 3, lane] = w
@@ -41,7 +45,9 @@ def write_pose(rows, row, position, rotation, direction, lane, step, length):
 
 @jit
 def element_lanes(block, layout, element, terms, nodal, scratch, out):
-    """Loads of an element for the eight pose pairs in ``scratch``: rows of ``out`` are force, torque on a, torque on b."""
+    """Loads of an element for the eight pose pairs in ``scratch``: rows of ``out`` are force, torque on a, torque on
+    b.
+    """
     pose_a, pose_b = load_pose(scratch, 0, terms.lanes, None), load_pose(scratch, 7, terms.lanes, None)
     force, torque_a, torque_b = element_loads(block, layout, element, pose_a, pose_b, terms, None, nodal, None)
     store3(out, 0, force, terms.lanes)
@@ -52,7 +58,9 @@ def element_lanes(block, layout, element, terms, nodal, scratch, out):
 @jit
 def magnet_lanes(block, layout, magnet, terms, gradient, scratch, out):
     """Loads on a magnet for the eight poses in ``scratch``: rows of ``out`` are force and torque."""
-    torque, force = magnet_loads(block, layout, magnet, load_pose(scratch, 0, terms.lanes, None), terms.lanes, None, gradient)
+    torque, force = magnet_loads(
+        block, layout, magnet, load_pose(scratch, 0, terms.lanes, None), terms.lanes, None, gradient
+    )
     store3(out, 3, torque, terms.lanes)
     if gradient is not None:
         store3(out, 0, force, terms.lanes)
@@ -73,8 +81,8 @@ def add_entry(band, i, j, value):
 def assemble(block, layout, terms, nodal, gradient, positions, rotations, residual, band, with_tangent):
     """Residual loads (6 N,) and, if asked, the symmetric part of the tangent (6 N, 12) at a configuration.
 
-    ``block`` holds the rod's constants in all eight lanes. Row 6 (a - 1) + k of the residual is force k (world, N) or torque
-    k - 3 (body, N m) on node a.
+    ``block`` holds the rod's constants in all eight lanes. Row 6 (a - 1) + k of the residual is force k (world, N) or
+    torque k - 3 (body, N m) on node a.
     """
     rows = block.reshape(-1, len(terms.lanes))
     scratch, out = np.zeros(14 * 8), np.zeros(9 * 8)
@@ -154,7 +162,9 @@ def add_magnets(block, layout, terms, gradient, positions, rotations, residual, 
 
 @jit
 def factorise(band):
-    """LDL^T of a symmetric band matrix in place; returns the number of negative pivots, -1 if one is zero or not finite."""
+    """LDL^T of a symmetric band matrix in place; returns the number of negative pivots, -1 if one is zero or not
+    finite.
+    """
     n = band.shape[0]
     negative = 0
     for i in range(n):

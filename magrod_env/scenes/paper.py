@@ -20,15 +20,11 @@ _PDMS_MODULUS = 365.12e3  # Pa; printed: 365.12 MPa, but C1 and C2 of Tables 5 a
 
 _KNOWN_METAL = "the modulus of aluminium is known and the corrected one would exceed that of diamond"
 _NO_NUMBER_OF_ELEMENTS = "the paper states no number of elements for this example"
-_BENDS_TOO_FAR = (
-    "at 70 MPa the magnets could not bend the rod as far as the paper reports, and PDMS is far softer"
-)
+_BENDS_TOO_FAR = "at 70 MPa the magnets could not bend the rod as far as the paper reports, and PDMS is far softer"
 
 
 def _aluminium(diameter: float) -> Rod:
-    return Rod.circular(
-        length=0.200, diameter=diameter, density=2690.0, youngs_modulus=75e9, poissons_ratio=0.33
-    )
+    return Rod.circular(length=0.200, diameter=diameter, density=2690.0, youngs_modulus=75e9, poissons_ratio=0.33)
 
 
 def _pdms(length: float, diameter: float) -> Rod:
@@ -97,9 +93,7 @@ def _pdms_no_magnet() -> PaperScene:
 
 
 def _tip_magnet_scene() -> Scene:
-    magnet = Magnet.cylinder(
-        position=60.55e-3, diameter=2e-3, length=4e-3, mass=9.6e-5, remanence=_REMANENCE_N45
-    )
+    magnet = Magnet.cylinder(position=60.55e-3, diameter=2e-3, length=4e-3, mass=9.6e-5, remanence=_REMANENCE_N45)
     return Scene(rod=_pdms(60.55e-3, 4e-3), magnets=(magnet,), gravity=_ACROSS_ROD)
 
 
@@ -186,9 +180,7 @@ def _two_magnets() -> PaperScene:
 
 
 def _frequency_scaling(name: str, youngs_modulus: float) -> PaperScene:
-    rod = Rod.square(
-        length=0.5, edge=0.05, density=1000.0, youngs_modulus=youngs_modulus, poissons_ratio=0.35
-    )
+    rod = Rod.square(length=0.5, edge=0.05, density=1000.0, youngs_modulus=youngs_modulus, poissons_ratio=0.35)
     return PaperScene(
         name=name,
         scene=Scene(rod=rod),

@@ -55,9 +55,7 @@ def load_scene(name: str, *, modulus: Literal["printed", "effective"] | float = 
         ValueError: if the name or the choice of modulus is unknown, or "effective" is refused.
     """
     if name not in scene_names():
-        raise ValueError(
-            f"name must be a known scene, but got {name!r}: choose one of {', '.join(scene_names())}."
-        )
+        raise ValueError(f"name must be a known scene, but got {name!r}: choose one of {', '.join(scene_names())}.")
     scene = PAPER_SCENES[name].scene if name in PAPER_SCENES else _OTHER_SCENES[name]
     if modulus == "printed":
         return scene

@@ -1,0 +1,69 @@
+"""Open-loop controllers for the circle: the paper's rotating field, and the field that holds the nominal rod on it.
+
+`python -m agents.open_loop_circle` evaluates both on nominal and on randomised rods.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from agents.rollout import REAL_RODS, evaluate, table
+
+
+def _rounds(envs: Any) -> np.ndarray:
+    """Where on its path each environment's target will be in the middle of the next control step, in rounds,
+    (num_envs,).
+    """
+    core = envs.unwrapped.core
+    points, rate = len(core.task.path), core.task.targets.rate
+    ahead = (core.episodes.steps + 0.5) * core.control_time
+    return (core.episodes.place[:, 0] + rate * ahead) / points
+
+
+@dataclass
+class RotatingField:
+    """The paper's experiment 5: a constant field up against the sag plus one that turns across the rod.
+
+    compensation, rotating: magnitudes, T (paper: 7.75 and 14.5 mT). lead: angle by which the field runs ahead, rad.
+    """
+
+    compensation: float = 7.75e-3
+    rotating: float = 14.5e-3
+    lead: float = 0.0
+
+    def __call__(self, observations: np.ndarray, envs: Any) -> np.ndarray:
+        """Actions (num_envs, 2)."""
+        angle = 2.0 * np.pi * _rounds(envs) + self.lead
+        field = self.rotating * np.stack([np.zeros_like(angle), np.cos(angle), np.sin(angle)], axis=1)
+        field[:, 2] += self.compensation
+        return envs.unwrapped.core.coils.fraction(field)
+
+
+@dataclass
+class InverseStatics:
+    """The field in whose static equilibrium the nominal rod lies on its path; knows the model, sees nothing."""
+
+    def __call__(self, observations: np.ndarray, envs: Any) -> np.ndarray:
+        """Actions (num_envs, num_axes)."""
+        core = envs.unwrapped.core
+        fields = core.task.fields
+        at = (_rounds(envs) % 1.0) * len(fields)
+        first, share = at.astype(int) % len(fields), (at % 1.0)[:, None]
+        return core.coils.fraction((1.0 - share) * fields[first] + share * fields[(first + 1) % len(fields)])
+
+
+def main() -> None:
+    """Evaluate both controllers."""
+    for title, settings in (("nominal rod", {}), ("randomised rods", {"randomization": REAL_RODS})):
+        results = [
+            evaluate("rotating field", RotatingField(), "MagRod/Circle-v0", **settings),
+            evaluate("inverse statics", InverseStatics(), "MagRod/Circle-v0", **settings),
+        ]
+        print(f"\n{title}: tip error, mm\n{table(results)}")
+
+
+if __name__ == "__main__":
+    main()

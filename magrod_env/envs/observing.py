@@ -1,0 +1,275 @@
+"""Compiled camera, observation and reward of every environment, between physics steps."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from magrod_env._jit import jit
+from magrod_env.envs.streams import normal
+from magrod_env.rod.layout import FIELD, PLANAR, SPATIAL, Layout
+
+TRACKING, PRECISION, EFFORT, SMOOTHNESS = range(4)  # reward terms
+
+
+class Episodes(NamedTuple):
+    """Per-environment arrays that change during an episode; first axis num_envs."""
+
+    streams: np.ndarray  # () uint64, random numbers
+    steps: np.ndarray  # () int64, control steps since the reset
+    place: np.ndarray  # (2,) where on the path the episode began, or where in the grid its target lies
+    frames: np.ndarray  # (depth, num_tracked, 3) m, the camera's last frames, newest at steps % depth
+    seen: np.ndarray  # (2, num_tracked, 3) m, the frame an observation shows and the one before
+    action: np.ndarray  # (num_axes,) last action
+    mixing: np.ndarray  # (3, 3) from the commanded to the acting field: gain and misalignment
+    unmixing: np.ndarray  # (3, 3) its inverse: what the coils' own sensors say of the acting field
+
+
+class Targets(NamedTuple):
+    """Tables of a task.
+
+    ``table`` (A, B, num_tracked, 3) m: a path of A points (B = 1), or a grid of A x B reachable points. ``rate``: path
+    points a second, zero for a grid. ``starts``: how many entries of the start table an episode may begin from, evenly
+    along the path.
+    """
+
+    table: np.ndarray
+    rate: float
+    starts: int
+
+
+class Optics(NamedTuple):
+    """The camera in control steps."""
+
+    noise: float  # m
+    every: int  # control steps a frame
+    delay: int  # control steps
+    frame_time: float  # s between frames
+
+
+class Scales(NamedTuple):
+    """What makes observations and rewards of order one."""
+
+    length: float  # m, of the rod
+    limits: np.ndarray  # (num_axes,) T
+    coils: np.ndarray  # (num_axes,) world axis of each coil pair
+    tracking: float  # m, error that costs one
+    precision: float  # m, width of the precision bonus
+    effort: float
+    smoothness: float
+
+
+class View(NamedTuple):
+    """What the observing kernels need of an environment and never change."""
+
+    layout: Layout
+    axes: tuple  # world axes of the motion
+    nodes: tuple  # tracked nodes
+    targets: Targets
+    scales: Scales
+    optics: Optics
+    preview: np.ndarray  # s ahead
+    control_time: float  # s
+
+
+class Outcome(NamedTuple):
+    """What one step of every environment gives; first axis num_envs."""
+
+    observations: np.ndarray  # (size,) float32
+    rewards: np.ndarray  # () float64
+    terms: np.ndarray  # (4,) reward terms
+    errors: np.ndarray  # (num_tracked,) m, distance of each tracked point from its target
+    goals: np.ndarray  # (num_tracked, 3) m
+    positions: np.ndarray  # (num_tracked, 3) m, true positions
+    fields: np.ndarray  # (3,) T, the field that acts, world
+
+
+@jit
+def target_at(targets, place, time, out):
+    """Target (num_tracked, 3) m at ``time`` s of an episode, by linear interpolation in the task's table."""
+    table, tracked = targets.table, out.shape[0]
+    if targets.rate > 0.0:
+        at = (place[0] + targets.rate * time) % table.shape[0]
+        first = int(at) % table.shape[0]
+        second, share = (first + 1) % table.shape[0], at - int(at)
+        for p in range(tracked):
+            for k in range(3):
+                out[p, k] = (1.0 - share) * table[first, 0, p, k] + share * table[second, 0, p, k]
+        return
+    a, b = int(place[0]), int(place[1])
+    u, v = place[0] - a, place[1] - b
+    for p in range(tracked):
+        for k in range(3):
+            low = (1.0 - v) * table[a, b, p, k] + v * table[a, b + 1, p, k]
+            high = (1.0 - v) * table[a + 1, b, p, k] + v * table[a + 1, b + 1, p, k]
+            out[p, k] = (1.0 - u) * low + u * high
+
+
+@jit
+def node_position(rows, view, planar, node, i, out):
+    """World position of a node of rod ``i``, m, into ``out`` (3,)."""
+    width = rows.shape[2]
+    row = view.layout.nodes + (SPATIAL.size if planar is None else PLANAR.size) * node
+    out[:] = 0.0
+    for k in range(len(view.axes)):
+        out[view.axes[k]] = rows[i // width, row + k, i % width]
+
+
+@jit
+def take_frame(positions, episodes, optics, i, first):
+    """The camera sees ``positions`` (num_tracked, 3): into the ring of frames; ``seen`` gets the one that has
+    arrived.
+    """
+    depth, step = episodes.frames.shape[1], episodes.steps[i]
+    if first or step % optics.every == 0:
+        frame = episodes.frames[i, step % depth]
+        for p in range(positions.shape[0]):
+            for k in range(3):
+                frame[p, k] = positions[p, k]
+                if optics.noise > 0.0:
+                    frame[p, k] += optics.noise * normal(episodes.streams, i)
+    else:
+        episodes.frames[i, step % depth] = episodes.frames[i, (step - 1) % depth]
+    if first:
+        for d in range(depth):
+            episodes.frames[i, d] = episodes.frames[i, step % depth]
+        episodes.seen[i, 0] = episodes.frames[i, step % depth]
+        episodes.seen[i, 1] = episodes.frames[i, step % depth]
+    elif (step - optics.delay) % optics.every == 0:
+        episodes.seen[i, 1] = episodes.seen[i, 0]
+        episodes.seen[i, 0] = episodes.frames[i, (step - optics.delay) % depth]
+
+
+@jit
+def bounded(value):
+    """An entry of an observation: a diverged rod must not put a NaN or an infinity into a policy."""
+    if not np.isfinite(value):
+        return 0.0
+    return min(max(value, -10.0), 10.0)
+
+
+@jit
+def coil_fraction(field, episodes, scales, i, a):
+    """Field of coil pair ``a`` as a share of its limit, as the coils' own sensors see it."""
+    nominal = 0.0
+    for k in range(3):
+        nominal += episodes.unmixing[i, scales.coils[a], k] * field[k]
+    return nominal / scales.limits[a]
+
+
+@jit
+def write_observation(rows, view, planar, full, episodes, i, obs, goal, field):
+    """One observation (see the environments' tables) into ``obs`` (size,).
+
+    ``goal`` (num_tracked, 3) m is the target now, ``field`` (3,) T the field that acts.
+    """
+    tracked, k, scales = len(view.nodes), 0, view.scales
+    length = scales.length
+    for p in range(tracked):
+        for axis in range(3):
+            obs[k] = bounded(episodes.seen[i, 0, p, axis] / length)
+            speed = (episodes.seen[i, 0, p, axis] - episodes.seen[i, 1, p, axis]) / view.optics.frame_time
+            obs[k + 3 * tracked] = bounded(speed / length)
+            k += 1
+    k += 3 * tracked
+    for a in range(len(scales.limits)):
+        obs[k] = bounded(coil_fraction(field, episodes, scales, i, a))
+        k += 1
+    for p in range(tracked):
+        for axis in range(3):
+            obs[k] = bounded(10.0 * (goal[p, axis] - episodes.seen[i, 0, p, axis]) / length)
+            k += 1
+    ahead, time = np.empty((tracked, 3)), view.control_time * episodes.steps[i]
+    for q in range(len(view.preview)):
+        target_at(view.targets, episodes.place[i], time + view.preview[q], ahead)
+        for p in range(tracked):
+            for axis in range(3):
+                obs[k] = bounded(10.0 * (ahead[p, axis] - goal[p, axis]) / length)
+                k += 1
+    if full is not None:
+        write_state(rows, view, planar, i, obs, k)
+
+
+@jit
+def write_state(rows, view, planar, i, obs, k):
+    """The full state of a rod: position / L, rotation, velocity / L, spin of every free node, from entry ``k``."""
+    layout, length = view.layout, view.scales.length
+    block, lane = i // rows.shape[2], i % rows.shape[2]
+    for node in range(1, layout.num_elements + 1):
+        row = layout.nodes + (SPATIAL.size if planar is None else PLANAR.size) * node
+        if planar is None:
+            for j in range(3):
+                obs[k + j] = bounded(rows[block, row + SPATIAL.position + j, lane] / length)
+                obs[k + 7 + j] = bounded(rows[block, row + SPATIAL.velocity + j, lane] / length)
+                compliance = rows[block, row + SPATIAL.compliance + min(j, 1), lane]
+                spin = 2.0 * compliance * rows[block, row + SPATIAL.momentum + j, lane]
+                obs[k + 10 + j] = bounded(0.1 * spin)
+            for j in range(4):
+                obs[k + 3 + j] = bounded(rows[block, row + SPATIAL.rotation + j, lane])
+            k += 13
+        else:
+            for j in range(2):
+                obs[k + j] = bounded(rows[block, row + PLANAR.position + j, lane] / length)
+                obs[k + 2 + j] = bounded(rows[block, row + PLANAR.rotation + j, lane])
+                obs[k + 4 + j] = bounded(rows[block, row + PLANAR.velocity + j, lane] / length)
+            spin = 2.0 * rows[block, row + PLANAR.compliance, lane] * rows[block, row + PLANAR.momentum, lane]
+            obs[k + 6] = bounded(0.1 * spin)
+            k += 7
+
+
+@jit
+def reward_of(distance, action, before, scales, terms):
+    """Reward terms of one step into ``terms`` (4,), and their sum.
+
+    tracking: -distance/scale; precision: a bonus up to 1 near the target; effort: -weight |a|^2; smoothness: -weight
+    |da|^2.
+    """
+    effort, change = 0.0, 0.0
+    for a in range(len(action)):
+        effort += action[a] * action[a]
+        change += (action[a] - before[a]) * (action[a] - before[a])
+    terms[TRACKING] = -min(distance / scales.tracking, 10.0)
+    terms[PRECISION] = np.exp(-distance / scales.precision)
+    terms[EFFORT] = -scales.effort * effort
+    terms[SMOOTHNESS] = -scales.smoothness * change
+    return terms[0] + terms[1] + terms[2] + terms[3]
+
+
+@jit
+def observe_all(rows, view, planar, full, episodes, actions, status, out):
+    """After the physics of one control step: camera, observation, reward of every environment.
+
+    ``actions`` (num_envs, num_axes) in [-1, 1]. A rod that has diverged pays the largest tracking cost.
+    """
+    for i in range(len(out.rewards)):
+        episodes.steps[i] += 1
+        write_outcome(rows, view, planar, full, episodes, i, out, False)
+        distance = out.errors[i].mean() if status[i] == 0 else np.inf
+        out.rewards[i] = reward_of(distance, actions[i], episodes.action[i], view.scales, out.terms[i])
+        episodes.action[i] = actions[i]
+
+
+@jit
+def observe_some(rows, view, planar, full, episodes, which, out):
+    """First observation of the environments ``which`` after their reset; their last action is what holds the start."""
+    for i in which:
+        out.rewards[i] = 0.0
+        out.terms[i] = 0.0
+        write_outcome(rows, view, planar, full, episodes, i, out, True)
+        for a in range(len(view.scales.limits)):
+            episodes.action[i, a] = coil_fraction(out.fields[i], episodes, view.scales, i, a)
+
+
+@jit
+def write_outcome(rows, view, planar, full, episodes, i, out, first):
+    """Everything but the reward of environment ``i``."""
+    width = rows.shape[2]
+    for p in range(len(view.nodes)):
+        node_position(rows, view, planar, view.nodes[p], i, out.positions[i, p])
+    target_at(view.targets, episodes.place[i], view.control_time * episodes.steps[i], out.goals[i])
+    for p in range(len(view.nodes)):
+        out.errors[i, p] = np.sqrt(((out.positions[i, p] - out.goals[i, p]) ** 2).sum())
+    out.fields[i] = 0.0
+    for k in range(len(view.axes)):
+        out.fields[i, view.axes[k]] = rows[i // width, FIELD + k, i % width]
+    take_frame(out.positions[i], episodes, view.optics, i, first)
+    write_observation(rows, view, planar, full, episodes, i, out.observations[i], out.goals[i], out.fields[i])

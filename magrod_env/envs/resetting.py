@@ -1,0 +1,221 @@
+"""Compiled resets: where episodes begin, what they reach for, and how their rods differ from the nominal one."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from magrod_env._jit import jit
+from magrod_env.envs.streams import normal, uniform
+from magrod_env.rod.layout import (
+    DRAG,
+    ENERGY,
+    FIELD,
+    GRAVITY,
+    LEAST_COSINE,
+    PLANAR,
+    REFERENCE,
+    SPATIAL,
+    TARGET,
+    Layout,
+    Terms,
+)
+from magrod_env.rod.mesh import RodValues, write_rod
+from magrod_env.rod.statics import find_equilibrium
+
+
+class Making(NamedTuple):
+    """What making rods that differ from the nominal one needs."""
+
+    layout: Layout
+    plane: int  # the in-plane axis beside x: 2 for "xz", 1 for "xy"
+    counts: np.ndarray  # elements of each segment
+    values: RodValues  # of the nominal rod
+    gravity: np.ndarray  # (3,) m/s^2
+    drag: float  # 1/s
+    still_layout: Layout  # of the spatial block in which equilibria are found
+    still_terms: Terms
+    fields: np.ndarray  # (num_starts, 3) T commanded at the starts
+
+
+@jit
+def begin_episodes(episodes, targets, which, starts, draws, spread):
+    """Draw where the episodes of ``which`` begin or reach to, and how their rods differ.
+
+    ``starts`` (num_envs,) gets the start table's entry; ``draws`` (num_envs, 14) factors and offsets from ``spread``
+    (9,): modulus, density, drag, remanence (factors), magnet shift (m), gain (factor), misalignment (3, rotation
+    vector), gravity tilt (2: angle and heading), initial field (3, T).
+    """
+    table = targets.table
+    for i in which:
+        episodes.steps[i] = 0
+        episodes.action[i] = 0.0
+        starts[i] = 0
+        if targets.rate > 0.0:
+            if targets.starts > 1:
+                starts[i] = min(int(uniform(episodes.streams, i, 0.0, targets.starts)), targets.starts - 1)
+            episodes.place[i, 0] = starts[i] * (table.shape[0] / targets.starts) if targets.starts > 1 else 0.0
+            episodes.place[i, 1] = 0.0
+        else:
+            episodes.place[i, 0] = uniform(episodes.streams, i, 0.0, table.shape[0] - 1.000001)
+            episodes.place[i, 1] = uniform(episodes.streams, i, 0.0, table.shape[1] - 1.000001)
+        if spread is None:
+            continue
+        for k in range(4):
+            draws[i, k] = 1.0 + uniform(episodes.streams, i, -spread[k], spread[k])
+        draws[i, 4] = uniform(episodes.streams, i, -spread[4], spread[4])
+        draws[i, 5] = 1.0 + uniform(episodes.streams, i, -spread[5], spread[5])
+        norm = 0.0
+        for k in range(3):
+            draws[i, 6 + k] = normal(episodes.streams, i)
+            norm += draws[i, 6 + k] ** 2
+        angle = uniform(episodes.streams, i, 0.0, spread[6])
+        for k in range(3):
+            draws[i, 6 + k] *= angle / np.sqrt(norm)
+        draws[i, 9] = uniform(episodes.streams, i, 0.0, spread[7])
+        draws[i, 10] = uniform(episodes.streams, i, 0.0, 2.0 * np.pi)
+        for k in range(3):
+            draws[i, 11 + k] = uniform(episodes.streams, i, -spread[8], spread[8])
+
+
+@jit
+def rotation_of(vector):
+    """Rotation matrix of a rotation vector (Rodrigues)."""
+    angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    out = np.eye(3)
+    if angle == 0.0:
+        return out
+    x, y, z = vector[0] / angle, vector[1] / angle, vector[2] / angle
+    hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return out + np.sin(angle) * hat + (1.0 - np.cos(angle)) * (hat @ hat)
+
+
+@jit
+def copy_starts(rows, columns, which, starts, status):
+    """Put the nominal rod, at rest in the start's equilibrium, into the lanes of ``which``; ``columns`` (num_starts,
+    rows).
+    """
+    width = rows.shape[2]
+    for i in which:
+        for row in range(rows.shape[1]):
+            rows[i // width, row, i % width] = columns[starts[i], row]
+        status[i] = 0
+
+
+@jit
+def varied(values, draw):
+    """Values of a rod that differs from the nominal one."""
+    ends = values.ends.copy()
+    for segment in range(len(ends) - 1):
+        ends[segment] += draw[4]
+    return RodValues(
+        ends,
+        values.axial * draw[0],
+        values.shear * draw[0],
+        values.bending * draw[0],
+        values.torsion * draw[0],
+        values.mass_per_length * draw[1],
+        values.rotary * draw[1],
+        values.magnet_masses,
+        values.magnet_moments * draw[3],
+    )
+
+
+@jit
+def tilted(gravity, draw):
+    """Gravity tilted by the angle draw[9] about an axis across it, at the heading draw[10]."""
+    size = np.sqrt((gravity**2).sum())
+    if size == 0.0 or draw[9] == 0.0:
+        return gravity.copy()
+    along = gravity / size
+    helper = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    first = np.cross(along, helper)
+    first /= np.sqrt((first**2).sum())
+    second = np.cross(along, first)
+    return rotation_of(draw[9] * (np.cos(draw[10]) * first + np.sin(draw[10]) * second)) @ gravity
+
+
+@jit
+def make_rods(rows, making, planar, scratch, episodes, which, starts, draws, status):
+    """Write rods that differ from the nominal one into the lanes of ``which``, each at rest in its own equilibrium.
+
+    ``scratch`` (1, rows, 8) is a spatial block for the statics. Where a rod loses stability on the way, it starts from
+    the last stable shape.
+    """
+    num_nodes, plane = making.layout.num_elements + 1, making.plane
+    positions, rotations = np.zeros((num_nodes, 3)), np.zeros((num_nodes, 4))
+    for i in which:
+        draw = draws[i]
+        rod, pull = varied(making.values, draw), tilted(making.gravity, draw)
+        turn = rotation_of(draw[6:9])
+        episodes.mixing[i] = draw[5] * turn
+        episodes.unmixing[i] = turn.T / draw[5]
+        field = episodes.mixing[i] @ (making.fields[starts[i]] + draw[11:14])
+        if planar is not None:
+            pull[3 - plane], field[3 - plane] = 0.0, 0.0
+        for lane in range(8):
+            write_rod(scratch[0], lane, making.still_layout, making.counts, rod, None, None)
+            for k in range(3):
+                scratch[0, GRAVITY + k, lane] = pull[k]
+        find_equilibrium(
+            scratch.reshape(-1),
+            making.still_layout,
+            making.still_terms,
+            None,
+            None,
+            field,
+            np.zeros(9),
+            positions,
+            rotations,
+        )
+        write_lane(rows, making, planar, i, rod, pull, field, making.drag * draw[2])
+        write_shape(rows, making, planar, i, positions, rotations)
+        status[i] = 0
+
+
+@jit
+def write_lane(rows, making, planar, i, rod, pull, field, drag):
+    """Constants, gravity, field and drag of rod ``i``, in the axes of its motion."""
+    block, lane = i // rows.shape[2], i % rows.shape[2]
+    axes = (0, 1, 2) if planar is None else (0, making.plane, 3 - making.plane)
+    moments = np.zeros_like(rod.magnet_moments)
+    for k in range(3):
+        moments[:, k] = rod.magnet_moments[:, axes[k]]
+    turned = RodValues(
+        rod.ends,
+        rod.axial,
+        rod.shear,
+        rod.bending,
+        rod.torsion,
+        rod.mass_per_length,
+        rod.rotary,
+        rod.magnet_masses,
+        moments,
+    )
+    write_rod(rows[block], lane, making.layout, making.counts, turned, planar, None)
+    for k in range(3):
+        rows[block, GRAVITY + k, lane] = pull[axes[k]]
+        for first in (FIELD, REFERENCE, TARGET):
+            rows[block, first + k, lane] = field[axes[k]]
+    rows[block, DRAG, lane] = drag
+    rows[block, LEAST_COSINE, lane] = 1.0
+    rows[block, ENERGY, lane] = np.inf  # the watchdog takes what it sees first
+
+
+@jit
+def write_shape(rows, making, planar, i, positions, rotations):
+    """Put rod ``i`` at rest into a shape in space: ``positions`` (num_nodes, 3) m, ``rotations`` (num_nodes, 4)."""
+    block, lane, plane = i // rows.shape[2], i % rows.shape[2], making.plane
+    for node in range(making.layout.num_elements + 1):
+        if planar is None:
+            row = making.layout.nodes + SPATIAL.size * node
+            for k in range(3):
+                rows[block, row + k, lane] = positions[node, k]
+            for k in range(4):
+                rows[block, row + SPATIAL.rotation + k, lane] = rotations[node, k]
+        else:
+            row = making.layout.nodes + PLANAR.size * node
+            rows[block, row, lane] = positions[node, 0]
+            rows[block, row + 1, lane] = positions[node, plane]
+            rows[block, row + PLANAR.rotation, lane] = rotations[node, 0]
+            turn = rotations[node, 3] if plane == 1 else -rotations[node, 2]
+            rows[block, row + PLANAR.rotation + 1, lane] = turn
