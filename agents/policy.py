@@ -11,19 +11,21 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Policy:
-    """Mean action of a Gaussian policy: a tanh network.
+    """Mean action of a Gaussian policy: a tanh network beside a linear path.
 
-    layers: pairs of weights (out, in) and biases (out,); the last layer is linear and its output is clipped to [-1, 1].
+    layers: pairs of weights (out, in) and biases (out,); the last, linear layer sees the output of the tanh layers and
+    the observation, and its result is clipped to [-1, 1].
     """
 
     layers: tuple[tuple[np.ndarray, np.ndarray], ...]
 
     def __call__(self, observations: np.ndarray, envs: Any = None) -> np.ndarray:
         """Actions (num_envs, num_axes) for observations (num_envs, size)."""
-        values = np.asarray(observations, np.float64)
+        seen = values = np.asarray(observations, np.float64)
         for weights, biases in self.layers[:-1]:
             values = np.tanh(values @ weights.T + biases)
         weights, biases = self.layers[-1]
+        values = np.concatenate([values, seen], axis=1)
         return np.clip(values @ weights.T + biases, -1.0, 1.0)
 
     def save(self, path: Path, **facts: str) -> None:
@@ -52,7 +54,7 @@ class Policy:
 
     @classmethod
     def of_sb3(cls, model: Any) -> Policy:
-        """The deterministic policy of a Stable-Baselines3 actor-critic model with a tanh network."""
+        """The deterministic policy of a Stable-Baselines3 model with `agents.network.SkipPolicy`."""
         linear = [layer for layer in model.policy.mlp_extractor.policy_net if hasattr(layer, "weight")]
         linear.append(model.policy.action_net)
         return cls(

@@ -19,10 +19,10 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList, CheckpointCallback, ProgressBarCallback
 
-from agents.rollout import HEADER, REAL_RODS, Result, evaluate, table
+from agents.network import SkipPolicy
+from agents.policy import Policy
+from agents.rollout import HEADER, REAL_RODS, evaluate, table
 from agents.sb3_adapter import BatchedVecEnv
-
-WEIGHTS = Path(__file__).parent / "weights"
 
 
 @dataclass
@@ -91,8 +91,10 @@ def settings_of(args: Args) -> dict[str, Any]:
 
 def make_model(args: Args, envs: BatchedVecEnv, folder: Path) -> PPO:
     """A new PPO model."""
+    core = envs.env.unwrapped.core  # type: ignore[attr-defined]
+    fields = tuple(6 * len(core.nodes) + axis for axis in range(core.coils.num_axes))
     return PPO(
-        "MlpPolicy",
+        SkipPolicy,
         envs,
         learning_rate=lambda left: args.learning_rate * (0.1 + 0.9 * left),
         n_steps=args.rollout_steps,
@@ -101,7 +103,7 @@ def make_model(args: Args, envs: BatchedVecEnv, folder: Path) -> PPO:
         gamma=args.gamma,
         gae_lambda=args.gae_lambda,
         ent_coef=args.entropy,
-        policy_kwargs={"net_arch": [args.hidden, args.hidden], "log_std_init": args.first_log_std},
+        policy_kwargs={"hidden": args.hidden, "field_entries": fields, "log_std_init": args.first_log_std},
         tensorboard_log=str(folder / "tensorboard"),
         seed=args.seed,
         device="cpu",
@@ -144,8 +146,10 @@ def train(args: Args) -> Path:
     )
     rate = (model.num_timesteps - before) / (time.perf_counter() - start)
     model.save(folder / "policy.zip")
-    print(f"trained {model.num_timesteps - before} steps at {rate:.0f} steps/s; policy in {folder / 'policy.zip'}")
-    result = evaluate("PPO", controller(model), args.env_id, **settings_of(args))
+    policy = Policy.of_sb3(model)
+    policy.save(folder / "policy.npz", args=json.dumps(dataclasses.asdict(args), default=str))
+    print(f"trained {model.num_timesteps - before} steps at {rate:.0f} steps/s; policy in {folder / 'policy.npz'}")
+    result = evaluate("PPO", policy, args.env_id, **settings_of(args))
     print(table([result]))
     (folder / "result.json").write_text(
         json.dumps(dict(zip(HEADER, result.row)) | {"steps/s": round(rate)}, indent=2) + "\n"
@@ -159,25 +163,6 @@ def load_args(folder: Path) -> Args:
     saved["folder"] = None if saved["folder"] is None else Path(saved["folder"])
     saved["resume"] = None
     return Args(**saved)
-
-
-def controller(model: PPO) -> Any:
-    """The deterministic policy as a controller for `agents.rollout.evaluate`."""
-    return lambda observations, envs: model.predict(observations, deterministic=True)[0]
-
-
-def load_controller(path: Path) -> Any:
-    """A trained policy as a controller; only its network is read, in NumPy, so evaluation needs no GPU and no torch
-    threads.
-    """
-    from agents.policy import Policy
-
-    return Policy.load(path)
-
-
-def result_of(path: Path, env_id: str, **settings: Any) -> Result:
-    """Evaluate a saved policy."""
-    return evaluate("PPO", load_controller(path), env_id, **settings)
 
 
 if __name__ == "__main__":

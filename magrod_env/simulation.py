@@ -176,8 +176,8 @@ class Simulation:
             )
         return step
 
-    def _check_field_strength(self) -> None:
-        largest = float(np.linalg.norm(self._field, axis=1).max())
+    def _check_field_strength(self, fields: np.ndarray) -> None:
+        largest = float(np.linalg.norm(fields, axis=-1).max())
         if self.scene.magnets and largest > self._safe_field:
             bound = self.stable_time_step_in(largest)
             if self.time_step > bound:
@@ -273,24 +273,22 @@ class Simulation:
             return
         steps = max(1, math.ceil(duration / self.time_step - 1e-9))
         step = duration / steps
-        if callable(field):
-            start = self._time
-            for k in range(steps):
-                self._set_field(self._checked_field(field(start + (k + 0.5) * step)))
-                self._batch.run(1, step)
-                self._time = start + (k + 1) * step
-                if (k + 1) % WATCH_EVERY == 0:
-                    self._watch()
-        else:
-            if field is not None:
-                self._set_field(self._checked_field(field))
-            start = self._time
-            for first in range(0, steps, WATCH_EVERY):
-                count = min(WATCH_EVERY, steps - first)
-                self._batch.run(count, step)
-                self._time = start + (first + count) * step
-                if first + count < steps:
-                    self._watch()
+        if field is not None and not callable(field):
+            self._set_field(self._checked_field(field))
+        start = self._time
+        for first in range(0, steps, WATCH_EVERY):
+            if first > 0:
+                self._watch()
+            count = min(WATCH_EVERY, steps - first)
+            table = None
+            if callable(field):
+                middles = start + step * (first + 0.5 + np.arange(count))
+                fields = np.array([self._checked_field(field(float(middle))) for middle in middles])
+                self._check_field_strength(fields)
+                self._field = fields[-1]
+                table = self._batch.field_table(fields)
+            self._batch.run(count, step, fields=table)
+            self._time = start + (first + count) * step
         self._watch()
 
     def _watch(self) -> None:
@@ -299,7 +297,8 @@ class Simulation:
         if len(failed) and self.on_failure == "raise":
             rod = int(failed[0])
             raise SimulationDiverged(
-                f"rod {rod} left the stable range by t = {self._time:.4g} s: {_SYMPTOMS[int(self._batch.status[rod])]}; "
+                f"rod {rod} left the stable range by t = {self._time:.4g} s: "
+                f"{_SYMPTOMS[int(self._batch.status[rod])]}; "
                 f"time step {self.time_step:.3g} s, bound of the straight rod {self.stable_time_step:.3g} s: "
                 "lower time_step, or use more elements where the rod bends sharply."
             )
@@ -322,8 +321,8 @@ class Simulation:
         return array
 
     def _set_field(self, field: np.ndarray) -> None:
+        self._check_field_strength(field)
         self._field = field
-        self._check_field_strength()
         self._batch.set_field(field)
 
     def _set_gradient(self, gradient: ArrayLike) -> None:

@@ -1,4 +1,4 @@
-"""The simulation as its users meet it: shapes, starts, snapshots, sentences on bad input, and scenes from soft to stiff."""
+"""The simulation as its users meet it: shapes, starts, snapshots, bad input, and scenes from soft to stiff."""
 
 import copy
 import pickle
@@ -68,7 +68,16 @@ def test_shapes_of_everything_it_shows():
 def test_what_it_shows_is_a_copy():
     simulation = batch()
     before = simulation.positions
-    for name in ("positions", "velocities", "rotations", "angular_velocities", "tip_position", "field", "status", "arc_lengths"):
+    for name in (
+        "positions",
+        "velocities",
+        "rotations",
+        "angular_velocities",
+        "tip_position",
+        "field",
+        "status",
+        "arc_lengths",
+    ):
         getattr(simulation, name)[...] = 7
     np.testing.assert_array_equal(simulation.positions, before)
     assert np.all(simulation.status == 0)
@@ -88,7 +97,9 @@ def test_rotations_are_rotations_and_the_clamp_stays():
     simulation = batch()
     simulation.advance(0.3, field=FIELDS)
     rotations = simulation.rotations
-    np.testing.assert_allclose(rotations @ np.swapaxes(rotations, -1, -2), np.broadcast_to(np.eye(3), rotations.shape), atol=1e-14)
+    np.testing.assert_allclose(
+        rotations @ np.swapaxes(rotations, -1, -2), np.broadcast_to(np.eye(3), rotations.shape), atol=1e-14
+    )
     np.testing.assert_array_equal(simulation.positions[:, 0], 0.0)
     np.testing.assert_array_equal(rotations[:, 0], np.broadcast_to(np.eye(3), (3, 3, 3)))
     np.testing.assert_array_equal(simulation.velocities[:, 0], 0.0)
@@ -100,7 +111,14 @@ def test_velocities_are_the_rates_of_positions_and_rotations():
     step = simulation.time_step
     states = []
     for _ in range(3):
-        states.append((simulation.positions[0], simulation.rotations[0], simulation.velocities[0], simulation.angular_velocities[0]))
+        states.append(
+            (
+                simulation.positions[0],
+                simulation.rotations[0],
+                simulation.velocities[0],
+                simulation.angular_velocities[0],
+            )
+        )
         simulation.advance(step)
     rate = (states[2][0] - states[0][0]) / (2 * step)
     np.testing.assert_allclose(states[1][2], rate, atol=0.02 * np.abs(rate).max())  # differences over two steps
@@ -172,7 +190,8 @@ def test_a_constant_function_is_a_constant_field():
     called, constant = batch(), batch()
     called.advance(0.02, field=lambda t: FIELDS)
     constant.advance(0.02, field=FIELDS)
-    np.testing.assert_allclose(called.positions, constant.positions, atol=1e-13)
+    # a function cuts every free rotation at the steps' ends, which in discrete time is not quite the same rotation
+    np.testing.assert_allclose(called.positions, constant.positions, atol=1e-7)
 
 
 def test_a_function_is_asked_in_the_middle_of_every_step():
@@ -362,30 +381,29 @@ def test_a_motion_that_leaves_the_plane_is_refused():
 
 @pytest.mark.parametrize("name", scene_names())
 def test_every_scene_runs(name):
-    """A few thousand steps under its own weight and, with magnets, in 5 mT."""
+    """Under its own weight and, with magnets, in 5 mT; absent terms as zeros, to compile few kernels."""
     scene = load_scene(name)
-    if scene.gravity is None:
-        scene = scene.replace(gravity=(0.0, 0.0, 0.0))
-    if scene.drag_rate is None:
-        scene = scene.replace(drag_rate=1.0)
-    simulation = Simulation(scene, num_elements=max(4, len(scene.magnets)))
+    scene = scene.replace(gravity=scene.gravity or (0.0, 0.0, 0.0), drag_rate=scene.drag_rate or 0.0)
+    simulation = Simulation(scene, num_elements=4)
     simulation.advance(3000 * simulation.time_step, field=(0.0, 2e-3, 5e-3) if scene.magnets else None)
     assert simulation.status[0] == 0
     reach = np.linalg.norm(simulation.positions[0], axis=1)
     assert np.all(reach <= 1.05 * simulation.arc_lengths)
 
 
-def test_a_guidewire_bends_into_the_arc_of_its_tip_couple():
-    """Its field turns slowly: theta = m B L cos(theta)/EI at every moment, to the wire's quick ringing."""
-    scene = load_scene("niti_guidewire").replace(gravity=(0.0, 0.0, 0.0))
-    moment, L, stiffness = scene.magnets[0].moment, scene.rod.length, scene.rod.bending_stiffness
+def test_a_guidewire_comes_to_rest_in_the_arc_of_its_tip_couple():
+    """theta = m B L cos(theta)/EI, at steps of a microsecond; the field rises in parts so that it rings little."""
+    scene = load_scene("niti_guidewire").replace(gravity=(0.0, 0.0, 0.0), drag_rate=190.0)
     simulation = Simulation(scene, num_elements=3)
-    simulation.advance(0.2, field=lambda t: np.array([0.0, 0.0, 20e-3 * min(t / 0.15, 1.0)]))
-    theta = moment * 20e-3 * L / stiffness
-    for _ in range(20):
-        theta = moment * 20e-3 * L / stiffness * np.cos(theta)
-    exact = L / theta * np.array([np.sin(theta), 0.0, 1.0 - np.cos(theta)])
-    np.testing.assert_allclose(simulation.tip_position[0], exact, atol=0.02 * exact[2])
+    for part in np.linspace(0.05, 1.0, 20):
+        simulation.advance(4e-3, field=(0.0, 0.0, part * 20e-3))
+    simulation.advance(0.12)
+    strength = scene.magnets[0].moment * 20e-3 * scene.rod.length / scene.rod.bending_stiffness
+    theta = strength
+    for _ in range(50):
+        theta = strength * np.cos(theta)
+    exact = scene.rod.length / theta * np.array([np.sin(theta), 0.0, 1.0 - np.cos(theta)])
+    np.testing.assert_allclose(simulation.tip_position[0], exact, atol=2e-6)
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])

@@ -136,12 +136,32 @@ class RodBatch:
         for other in others:
             other.result()
 
-    def run(self, num_steps: int, time_step: float, blend: float = 0.0, largest_change: float = 0.0) -> None:
-        """Step every rod ``num_steps`` times (see ``run_blocks``)."""
+    def run(
+        self, num_steps: int, time_step: float, blend: float = 0.0, largest_change: float = 0.0, fields=None
+    ) -> None:
+        """Step every rod ``num_steps`` times (see ``run_blocks``); ``fields`` as ``field_table`` makes it."""
         scalar = self.dtype.type
         self.share(
-            run_blocks, self.layout, self.terms, num_steps, scalar(time_step), scalar(blend), scalar(largest_change)
+            run_blocks,
+            self.layout,
+            self.terms,
+            num_steps,
+            scalar(time_step),
+            scalar(blend),
+            scalar(largest_change),
+            fields,
         )
+
+    def field_table(self, fields) -> np.ndarray:
+        """Fields of every step (num_steps, num_rods, 3) T in the order of the blocks; counts their travel."""
+        steps, lanes = len(fields), self.width
+        flat = np.zeros((steps, len(self.blocks) * lanes, 3))
+        flat[:, : self.num_rods, : len(self.axes)] = fields[..., list(self.axes)]
+        flat[:, self.num_rods :] = flat[:, self.num_rods - 1 : self.num_rods]
+        first = np.abs(flat[0, : self.num_rods] - self.gather(FIELD, 3)).sum(axis=1)
+        self.travel += first + np.abs(np.diff(flat[:, : self.num_rods], axis=0)).sum(axis=(0, 2))
+        table = flat.reshape(steps, len(self.blocks), lanes, 3).transpose(1, 0, 3, 2)
+        return np.ascontiguousarray(table, self.dtype).reshape(len(self.blocks), steps, 3 * lanes)
 
     def watch(self) -> None:
         """Bring ``status`` up to date (see ``watch_blocks``)."""

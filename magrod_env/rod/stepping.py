@@ -193,14 +193,16 @@ def braking(block, row, drag, time_step, lanes):
 
 @jit
 def run_block(
-    block, layout, terms, planar, nodal, gradient, internal_damping, num_steps, time_step, blend, largest_change
+    block, layout, terms, planar, nodal, gradient, internal_damping, num_steps, time_step, blend, largest_change, fields
 ):
-    """Step one lane block ``num_steps`` times."""
+    """Step one lane block ``num_steps`` times; ``fields`` (num_steps, 3 * L) T or None."""
     keep, gain = braking(block, DRAG, terms.drag, time_step, terms.lanes)
     keep_spin, gain_spin = braking(block, SPIN_DRAG, terms.spin_drag, time_step, terms.lanes)
     brakes = (keep, gain, keep_spin, gain_spin)
     drift(block, layout, terms, planar, 0.5 * time_step)
     for step in range(num_steps):
+        if fields is not None:
+            store3(block, FIELD, load3(fields[step], 0, terms.lanes), terms.lanes)
         if terms.slew is not None or terms.lag is not None:
             approach_field(block, terms, blend, largest_change)
         drift_step = time_step if step + 1 < num_steps else 0.5 * time_step
@@ -210,11 +212,12 @@ def run_block(
 
 
 @jit
-def run_blocks(blocks, first, last, layout, terms, num_steps, time_step, blend, largest_change):
+def run_blocks(blocks, first, last, layout, terms, num_steps, time_step, blend, largest_change, fields):
     """Step lane blocks ``first`` to ``last`` (exclusive) of ``blocks`` (num_blocks, rows * L) ``num_steps`` times.
 
     ``time_step`` s; ``blend`` = 1 - exp(-dt/(2 lag)) and ``largest_change`` (T, over half a step) act only with coils
-    that have a lag or a slew limit.
+    that have a lag or a slew limit. ``fields`` (num_blocks, num_steps, 3 * L) T is the field in the middle of every
+    step; None leaves the field as it is.
     """
     for b in range(first, last):
         run_block(
@@ -229,4 +232,5 @@ def run_blocks(blocks, first, last, layout, terms, num_steps, time_step, blend, 
             time_step,
             blend,
             largest_change,
+            None if fields is None else fields[b],
         )

@@ -38,9 +38,9 @@ def test_each_axis_drives_its_own_component(axes):
     actions = np.linspace(-0.9, 0.7, len(axes))
     env.reset(seed=0)
     want = np.zeros(3)
-    for letter, action in zip(axes, actions.astype(np.float32), strict=True):
+    for letter, action in zip(axes, actions, strict=True):
         want["xyz".index(letter)] = 10e-3 * action
-    info = env.step(actions.astype(np.float32))[4]
+    info = env.step(actions)[4]
     np.testing.assert_allclose(info["field_applied"], want, rtol=0, atol=TINY)
 
 

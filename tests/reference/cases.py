@@ -1,6 +1,7 @@
-"""The reference cases: rods, loads and meshes. A mesh is a list of regions (end s in m, number of elements in the region)."""
+"""The reference cases: rods, magnets and loads."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -74,7 +75,7 @@ def inner_cuts(case, elements):
     """Cuts (m) that share the elements out between the magnets, nearly equal in length."""
     ends = sorted({0.0, case.length, *(m.s for m in case.magnets)})
     cuts = [0.0]
-    for start, stop in zip(ends[:-1], ends[1:]):
+    for start, stop in pairwise(ends):
         share = max(1, round(elements * (stop - start) / case.length))
         cuts.extend(start + (stop - start) * np.arange(1, share + 1) / share)
     return cuts[1:-1]

@@ -1,10 +1,12 @@
 """Second methods that share no equations with spectral_rod.py: python -m tests.reference.cross_checks
 
 1. Small vibrations: frequencies of the clamped Timoshenko beam with a tip mass, from its transfer matrix.
-2. Free decay: planar angle theta(s, t), hierarchical Legendre basis with exact (consistent) mass, Gauss quadrature, and the
+2. Free decay: planar angle theta(s, t), hierarchical Legendre basis with consistent mass, Gauss quadrature, and the
    four-stage Gauss collocation method in time (order 8, implicit, symplectic).
 3. Statics: the rod's balance equations as a two-point boundary value problem (scipy's solve_bvp).
 """
+
+from functools import partial
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -18,7 +20,7 @@ from .spectral_rod import Mesh
 
 
 def exact_frequencies(case, count):
-    """The lowest planar angular frequencies (rad/s) of the straight unloaded rod with a tip mass; y = (w, theta, shear force, moment)."""
+    """Lowest bending frequencies (rad/s) of the straight rod with a tip mass; y = (w, theta, shear, moment)."""
     _, ga, _ = case.c1
     _, ei, _ = case.c2
     mass = case.density * case.area
@@ -58,7 +60,7 @@ def mesh_frequencies(case, count):
 
 
 class PlanarGalerkin:
-    """x(s) = s + sum a_i f_i, z(s) = sum b_i f_i, theta(s) = sum c_i f_i with f_i the integral of the Legendre polynomial P_i from 0."""
+    """x = s + sum a_i f_i(s), z = sum b_i f_i(s), theta = sum c_i f_i(s); f_i: integral of Legendre polynomial i."""
 
     def __init__(self, case, count):
         xi, weight = legendre.leggauss(2 * count)
@@ -107,10 +109,16 @@ class PlanarGalerkin:
         tt = n1_turn * shear - n1 * stretch - n2_turn * stretch - n2 * shear
         kxt, kzt = form(d, xt, f), form(d, zt, f)
         bending = form(d, np.full_like(cos, self.ei), d)
-        return np.block([[form(d, xx, d), form(d, xz, d), kxt], [form(d, xz, d), form(d, zz, d), kzt], [kxt.T, kzt.T, form(f, tt, f) + bending]])
+        return np.block(
+            [
+                [form(d, xx, d), form(d, xz, d), kxt],
+                [form(d, xz, d), form(d, zz, d), kzt],
+                [kxt.T, kzt.T, form(f, tt, f) + bending],
+            ]
+        )
 
     def run(self, times, steps_per_sample, stages=4):
-        """Tip (x, z) at the times, released straight at rest; accelerations at the stages by simplified Newton iterations."""
+        """Tip (x, z) at the times, released straight at rest; stage accelerations by simplified Newton iterations."""
         c, a, b = gauss_collocation(stages)
         h = (times[1] - times[0]) / steps_per_sample
         aa, ba = h * h * a @ a, h * h * b @ a
@@ -145,7 +153,7 @@ def gauss_collocation(stages):
 
 
 def equilibrium_by_collocation(case, field, tolerance=1e-10):
-    """Tip position from the balance of forces and moments; unknowns p (3), q (4) and the moment in the world frame (3)."""
+    """Tip position from the balance of forces and moments; unknowns p (3), q (4) and the moment (3), world frame."""
     gravity, magnet = np.asarray(case.gravity), case.magnets[0]
 
     def axes(q):
@@ -159,7 +167,7 @@ def equilibrium_by_collocation(case, field, tolerance=1e-10):
             ]
         )
 
-    def slopes(s, y, load):
+    def slopes(load, s, y):
         d = axes(y[3:7])
         n = load * gravity[:, None] * (case.density * case.area * (case.length - s) + magnet.mass)
         strain = np.einsum("aip,ip->ap", d, n) / case.c1[:, None]
@@ -167,10 +175,12 @@ def equilibrium_by_collocation(case, field, tolerance=1e-10):
         tangent = np.einsum("aip,ap->ip", d, strain)
         u1, u2, u3 = np.einsum("aip,ip->ap", d, y[7:]) / case.c2[:, None]
         w, x, y_, z = y[3:7]
-        turn = 0.5 * np.array([-x * u1 - y_ * u2 - z * u3, w * u1 + y_ * u3 - z * u2, w * u2 - x * u3 + z * u1, w * u3 + x * u2 - y_ * u1])
+        turn = 0.5 * np.array(
+            [-x * u1 - y_ * u2 - z * u3, w * u1 + y_ * u3 - z * u2, w * u2 - x * u3 + z * u1, w * u3 + x * u2 - y_ * u1]
+        )
         return np.concatenate([tangent, turn, -np.cross(tangent, n, axis=0)])
 
-    def ends(left, right, load):
+    def ends(load, left, right):
         moment = np.cross(np.tensordot(magnet.dipole, axes(right[3:7]), 1), load * field)
         return np.concatenate([left[:3], left[3:7] - [1, 0, 0, 0], right[7:] - moment])
 
@@ -178,7 +188,8 @@ def equilibrium_by_collocation(case, field, tolerance=1e-10):
     y = np.zeros((10, 41))
     y[0], y[3] = s, 1.0
     for load in (0.25, 0.5, 0.75, 1.0):  # gravity and field together
-        done = solve_bvp(lambda s, y: slopes(s, y, load), lambda a, b: ends(a, b, load), s, y, tol=tolerance, bc_tol=1e-12, max_nodes=20000)
+        balance, clamp_and_tip = partial(slopes, load), partial(ends, load)
+        done = solve_bvp(balance, clamp_and_tip, s, y, tol=tolerance, bc_tol=1e-12, max_nodes=20000)
         if not done.success:
             raise RuntimeError(done.message)
         s, y = done.x, done.y
@@ -197,7 +208,8 @@ def main():
     for count, steps in ((20, 20), (32, 20), (44, 40)):
         tip = PlanarGalerkin(ROUND, count).run(TIMES, steps)
         distance = np.linalg.norm(tip - stored["free_decay_tip"][:, [0, 2]], axis=1)
-        print(f"  {count} functions, step {0.01 / steps:.1e} s: {np.sqrt(np.mean(distance**2)):.1e} m  {distance.max():.1e} m", flush=True)
+        rms = np.sqrt(np.mean(distance**2))
+        print(f"  {count} functions, step {0.01 / steps:.1e} s: {rms:.1e} m  {distance.max():.1e} m", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Recomputes reference.npz beside this file, case by case: python -m tests.reference.make_reference [case ...]
 
-Every dynamic case runs on three settings: the reference, a coarser mesh (error in s) and a looser tolerance (error in t); the largest
-tip distances over the run are stored beside the data, so a test can see how far the truth is to be trusted. See README.md.
+Every dynamic case runs on three settings: the reference, a coarser mesh (error in s) and a looser tolerance (error in
+t). The largest distances over the run are stored beside the data, so a test knows how far to trust it. See README.md.
 """
 
 import sys
@@ -43,7 +43,7 @@ def dynamic(name):
 
 
 def equilibrium(field, *, elements, degree):
-    """Tip position and tangent of the state reached by raising gravity, then the field, in small steps from the straight rod."""
+    """Tip position and tangent reached from the straight rod by raising gravity, then the field, slowly."""
     state = None
     for load in (0.25, 0.5, 0.75, 1.0):
         case = replace(STIFFER, gravity=(0.0, 0.0, -9.81 * load))
@@ -61,7 +61,12 @@ def static():
     for name, field in STATIC.items():
         tip, tangent = equilibrium(field, elements=2, degree=10)
         coarser, _ = equilibrium(field, elements=1, degree=14)
-        out |= {f"{name}_field": field, f"{name}_tip": tip, f"{name}_tip_tangent": np.array(tangent), f"{name}_error_space": np.linalg.norm(coarser - tip)}
+        out |= {
+            f"{name}_field": field,
+            f"{name}_tip": tip,
+            f"{name}_tip_tangent": np.array(tangent),
+            f"{name}_error_space": np.linalg.norm(coarser - tip),
+        }
     return out
 
 
@@ -70,7 +75,11 @@ def main(names):
         stored = dict(np.load(FILE)) if FILE.exists() else {}
         new = static() if name == "static" else dynamic(name)
         np.savez_compressed(FILE, **stored | new)
-        print(name, *(f"{key.removeprefix(name + '_')} {value:.1e} m" for key, value in new.items() if "error" in key), flush=True)
+        print(
+            name,
+            *(f"{key.removeprefix(name + '_')} {value:.1e} m" for key, value in new.items() if "error" in key),
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -1,19 +1,20 @@
 """A spectral-element solver for a clamped-free Simo-Reissner rod with magnets, slow and accurate: the truth for tests.
 
-It shares nothing with the package. Fields are polynomials through Gauss-Lobatto-Legendre (GLL) points: positions p_i and unit
-quaternions q_i at the points, quadrature at the same points. With ' = d/ds of the interpolating polynomial, at point i
+It shares nothing with the package. Fields are polynomials through Gauss-Lobatto-Legendre (GLL) points: positions p_i
+and unit quaternions q_i at the points, quadrature at the same points. With ' = d/ds of the polynomial, at point i
 
     Gamma = O^T p' - E1,   Omega = 2 Im(conj(q) q'),   V = sum_i w_i/2 (Gamma.C1 Gamma + Omega.C2 Omega),
     T = sum_i w_i/2 (rho A |v|^2 + omega.(rho diag(J, I, I)) omega) + sum_magnets m |v|^2 / 2,
 
-so each point is a rigid body, driven by the exact gradient of V: the semi-discrete system is Hamiltonian. q -> -q changes no strain
-and rotations are not limited to any angle. Time is left to an adaptive eighth-order Runge-Kutta method (DOP853).
+so each point is a rigid body, driven by the exact gradient of V: the semi-discrete system is Hamiltonian. Rotations are
+not limited to any angle. Time is left to an adaptive eighth-order Runge-Kutta method (DOP853).
 omega, Omega, Gamma and dipoles are in the body frame; p, v, forces and the field are in the world frame. SI units.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -23,7 +24,7 @@ from scipy.integrate import solve_ivp
 
 @dataclass(frozen=True, kw_only=True)
 class Magnet:
-    """A point mass (kg) with a dipole (A m^2, body frame) fixed to the section at arc length s (m); no rotary inertia."""
+    """A point mass (kg) with a dipole (A m^2, body frame) fixed to the section at s (m); no rotary inertia."""
 
     s: float
     mass: float
@@ -34,8 +35,8 @@ class Magnet:
 class Case:
     """A rod, its loads and its magnets.
 
-    area (m^2) and second_moment I (m^4, both bending axes; J = 2 I); gravity (m/s^2); drag (1/s): force -drag * mass * velocity on the
-    rod and on the point masses, no drag on rotation. field(t) returns the uniform field (T, world frame).
+    area (m^2) and second_moment I (m^4, both bending axes; J = 2 I); gravity (m/s^2); drag (1/s): force
+    -drag * mass * velocity on the rod and on the point masses, none on rotation; field(t): uniform, T, world frame.
     """
 
     length: float
@@ -108,7 +109,7 @@ class Mesh:
 
     @cached_property
     def straight(self):
-        """The straight rod at rest: positions, quaternions, velocities, angular velocities, each a row a point, flattened."""
+        """The straight rod at rest, flattened: all positions, quaternions, velocities, angular velocities."""
         p, q = np.zeros((self.count, 3)), np.zeros((self.count, 4))
         p[:, 0], q[:, 0] = self.s, 1.0
         return np.concatenate([p.ravel(), q.ravel(), np.zeros(6 * self.count)])
@@ -116,10 +117,15 @@ class Mesh:
     def split(self, y):
         """Views p (n, 3), q (n, 4), v (n, 3), omega (n, 3) of a state."""
         n = self.count
-        return y[: 3 * n].reshape(n, 3), y[3 * n : 7 * n].reshape(n, 4), y[7 * n : 10 * n].reshape(n, 3), y[10 * n :].reshape(n, 3)
+        return (
+            y[: 3 * n].reshape(n, 3),
+            y[3 * n : 7 * n].reshape(n, 4),
+            y[7 * n : 10 * n].reshape(n, 3),
+            y[10 * n :].reshape(n, 3),
+        )
 
     def loads(self, p, q, field):
-        """Static force (n, 3; world) and torque (n, 3; body) on each point: elasticity, gravity and magnets; also the potential energy."""
+        """Force (n, 3; world) and torque (n, 3; body) from rod, gravity and magnets; the potential energy."""
         force, torque = np.zeros_like(p), np.zeros_like(p)
         energy = elastic_loads(p, q, self.derivative, self.weight, self.case.c1, self.case.c2, force, torque)
         force += self.mass[:, None] * np.asarray(self.case.gravity)
@@ -142,22 +148,36 @@ class Mesh:
     def energy(self, y, t=0.0):
         """Total energy, J."""
         p, q, v, omega = self.split(y)
-        return self.loads(p, q, self.case.field(t))[2] + 0.5 * np.sum(self.mass[1:, None] * v[1:] ** 2) + 0.5 * np.sum(self.inertia[1:] * omega[1:] ** 2)
+        return (
+            self.loads(p, q, self.case.field(t))[2]
+            + 0.5 * np.sum(self.mass[1:, None] * v[1:] ** 2)
+            + 0.5 * np.sum(self.inertia[1:] * omega[1:] ** 2)
+        )
 
     def run(self, times, tolerance):
-        """States at the times (the first is the straight rod at rest). Each interval restarts, so no sample is interpolated."""
+        """States at the times, from the straight rod at rest. Each interval restarts: no sample is interpolated."""
         states, step = [self.straight], 1e-6
-        for start, stop in zip(times[:-1], times[1:]):
-            done = solve_ivp(self.rate, (start, stop), states[-1], method="DOP853", rtol=tolerance, atol=tolerance * 1e-2, first_step=step)
+        for start, stop in pairwise(times):
+            done = solve_ivp(
+                self.rate,
+                (start, stop),
+                states[-1],
+                method="DOP853",
+                rtol=tolerance,
+                atol=tolerance * 1e-2,
+                first_step=step,
+            )
             states.append(done.y[:, -1])
             step = min(np.median(np.diff(done.t)), stop - start) * 0.9
         return np.array(states)
 
-    def equilibrium(self, field, start=None, tolerance=1e-12):
-        """A static state near `start` (default straight) by Newton's method on the free points' displacements and rotations."""
+    def equilibrium(self, field, start=None):
+        """A static state near `start` (default straight), by Newton's method on displacements and rotations."""
         state = (self.straight if start is None else start).copy()
         p, q, _, _ = self.split(state)
-        scale = np.concatenate([np.full(3 * (self.count - 1), self.case.c2[1] / self.case.length**2), np.full(3 * (self.count - 1), self.case.c2[1] / self.case.length)])
+        unknowns = 6 * (self.count - 1)
+        moment = self.case.c2[1] / self.case.length
+        scale = np.repeat([moment / self.case.length, moment], unknowns // 2)
 
         def residual(p, q):
             force, torque, _ = self.loads(p, q, field)
@@ -168,10 +188,11 @@ class Mesh:
             half = 0.5 * x[1]
             p_new, q_new = p.copy(), q.copy()
             p_new[1:] += self.case.length * x[0]
-            q_new[1:] = np.array([product(a, b / np.sqrt(b @ b)) for a, b in zip(q[1:], np.c_[np.ones(len(half)), half])])
+            q_new[1:] = np.array(
+                [product(a, b / np.sqrt(b @ b)) for a, b in zip(q[1:], np.c_[np.ones(len(half)), half])]
+            )
             return p_new, q_new
 
-        unknowns = 6 * (self.count - 1)
         for _ in range(30):
             jacobian = np.empty((unknowns, unknowns))
             for k in range(unknowns):
@@ -181,7 +202,7 @@ class Mesh:
             step = -np.linalg.solve(jacobian, residual(p, q))
             step *= min(1.0, 0.3 / np.abs(step).max())
             p[:], q[:] = moved(step)
-            if np.abs(step).max() < tolerance * 100:
+            if np.abs(step).max() < 1e-10:
                 return state
         raise RuntimeError("no equilibrium found: take smaller load steps")
 
@@ -262,7 +283,9 @@ def newton_euler(q, v, omega, force, torque, mass, inertia, drag, dp, dq, dv, do
     dp[0], dq[0], dv[0], domega[0] = 0.0, 0.0, 0.0, 0.0
     for i in range(1, len(q)):
         spin = product(q[i], (0.0, 0.5 * omega[i, 0], 0.5 * omega[i, 1], 0.5 * omega[i, 2]))
-        gyroscopic = cross(omega[i], (inertia[i, 0] * omega[i, 0], inertia[i, 1] * omega[i, 1], inertia[i, 2] * omega[i, 2]))
+        gyroscopic = cross(
+            omega[i], (inertia[i, 0] * omega[i, 0], inertia[i, 1] * omega[i, 1], inertia[i, 2] * omega[i, 2])
+        )
         for k in range(4):
             dq[i, k] = spin[k]
         for k in range(3):

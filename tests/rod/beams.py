@@ -17,7 +17,7 @@ def slender_rod(*, length=0.1, diameter=1e-3, density=1000.0, youngs_modulus=1e9
 
 
 def weightless(rod, **magnet):
-    """A scene of a rod of almost no mass with one magnet at its tip."""
+    """A scene of a rod of almost no mass, without gravity, with one magnet at its tip."""
     light = Rod.circular(
         length=rod.length,
         diameter=rod.width,
@@ -25,7 +25,13 @@ def weightless(rod, **magnet):
         youngs_modulus=rod.youngs_modulus,
         poissons_ratio=rod.poissons_ratio,
     )
-    return Scene(rod=light, magnets=(Magnet.dipole(position=rod.length, **magnet),))
+    return with_tip(light, **magnet)
+
+
+def with_tip(rod, moment=0.0, **magnet):
+    """A scene of a rod with one magnet at its tip; gravity is there and zero, so that scenes share compiled kernels."""
+    magnets = (Magnet.dipole(position=rod.length, moment=moment, **magnet),)
+    return Scene(rod=rod, magnets=magnets, gravity=(0.0, 0.0, 0.0))
 
 
 def transverse_frequency(rod, mode, tip_mass=0.0):

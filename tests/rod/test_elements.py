@@ -1,11 +1,9 @@
-"""Both elements against the gradient of their energy, closed forms of uniform strain, and what a rigid motion leaves alone."""
-
-import numpy as np
-import pytest
-from rod.truth import exact_loads, exact_strain_rates, exact_strains, helical_energy, nodal_energy
-from scipy.spatial.transform import Rotation
+"""Both elements against the gradient of their energy, closed forms of uniform strain, and rigid motions."""
 
 import mpmath
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
 
 from magrod_env.rod.helical import helical_loads, helical_strain, helical_strain_rates, strain_slope
 from magrod_env.rod.nodal import nodal_loads, nodal_strain
@@ -16,6 +14,7 @@ from magrod_env.rod.planar import (
     planar_nodal_loads,
     planar_nodal_strain,
 )
+from rod.truth import exact_loads, exact_strain_rates, exact_strains, helical_energy, nodal_energy
 
 LENGTH = 6e-3  # m
 STIFFNESS = EA, GA, GJ, EI = 4.6, 1.53, 3.06e-6, 4.59e-6  # about those of a polymer rod of 4 mm, N and N m^2
@@ -35,7 +34,7 @@ def pose(position, rotation):
 
 
 def random_poses(bend, stretch, seed):
-    """Two poses: the rotation from a to b turns by ``bend``, the chord is a straight element's, changed by about ``stretch``."""
+    """Two poses, b turned by ``bend`` against a, their chord that of a straight element but for about ``stretch``."""
     rng = np.random.default_rng(seed)
     axis = rng.normal(size=3)
     a = Rotation.random(random_state=seed)
@@ -80,7 +79,7 @@ both_elements = pytest.mark.parametrize("element", ELEMENTS)
 
 
 def rounding(loads):
-    """What rounding leaves of a force and of torques: the stiffness times a few last places, and of the loads themselves.
+    """What rounding leaves of a force: a few last places of the stiffness and of the loads themselves.
 
     Strains near 1 are differences of poses; the nodal element's bending strain, tan(theta/2), is steep near pi.
     """
@@ -102,7 +101,7 @@ def test_loads_are_minus_the_gradient_of_the_energy(element, poses):
 @both_elements
 @all_poses
 def test_loads_of_one_element_balance(element, poses):
-    """Forces are opposite by construction; the torques and the couple of the forces then add to zero: no self-propulsion."""
+    """Forces are opposite by construction; the torques and the couple of the forces add to zero."""
     (position_a, a), (position_b, b) = poses
     force, torque_a, torque_b = ELEMENTS[element][0](*poses)
     rotation_a, rotation_b = (Rotation.from_quat(np.roll(q, -1)) for q in (a, b))
@@ -150,10 +149,13 @@ def test_the_sign_of_a_quaternion_does_not_matter_to_a_pose_alone(element):
 @pytest.mark.parametrize("angle", [1e-8, 0.2, np.pi / 2, 3.0])
 @pytest.mark.parametrize("stretch", [1.0, 1.3])
 def test_a_circular_arc_has_uniform_strain_and_a_pure_couple(angle, stretch):
-    """An arc of length stretch*h: the strain is (stretch, 0, 0), the bend its angle; unstretched, the loads are EI angle/h."""
+    """An arc of length stretch*h has the strain (stretch, 0, 0); unstretched, its loads are the couples EI angle/h."""
     radius = stretch * LENGTH / angle
     b = Rotation.from_rotvec([0.0, 0.0, angle])
-    poses = pose((0, 0, 0), Rotation.identity()), pose(radius * np.array([np.sin(angle), 2 * np.sin(angle / 2) ** 2, 0]), b)
+    poses = (
+        pose((0, 0, 0), Rotation.identity()),
+        pose(radius * np.array([np.sin(angle), 2 * np.sin(angle / 2) ** 2, 0]), b),
+    )
     gamma, phi, _ = helical_strain(*poses, 1.0 / LENGTH)
     np.testing.assert_allclose(gamma, [stretch, 0.0, 0.0], atol=1e-15)
     np.testing.assert_allclose(phi, [0.0, 0.0, angle], rtol=1e-15)
@@ -167,10 +169,14 @@ def test_a_circular_arc_has_uniform_strain_and_a_pure_couple(angle, stretch):
 
 @pytest.mark.parametrize("turns", [0.01, 0.2, 0.45])
 def test_a_helix_has_uniform_strain(turns):
-    """Coil of given radius and pitch angle: curvature cos^2/r, twist sin cos/r; the section carried along has phi = h times both."""
+    """A coil of given radius and pitch angle has the curvature cos^2/r and the twist sin cos/r."""
     radius, slope = 2e-3, 0.6
-    along = np.array([np.sin(slope), 0.0, np.cos(slope)])  # of the coil's axis z, in the frame (tangent, inward, binormal)
-    start = Rotation.from_matrix(np.column_stack([[0, np.cos(slope), np.sin(slope)], [-1, 0, 0], [0, -np.sin(slope), np.cos(slope)]]))
+    along = np.array(
+        [np.sin(slope), 0.0, np.cos(slope)]
+    )  # of the coil's axis z, in the frame (tangent, inward, binormal)
+    start = Rotation.from_matrix(
+        np.column_stack([[0, np.cos(slope), np.sin(slope)], [-1, 0, 0], [0, -np.sin(slope), np.cos(slope)]])
+    )
     angle = 2 * np.pi * turns
     length = radius * angle / np.cos(slope)
     end = np.array([radius * np.cos(angle), radius * np.sin(angle), length * np.sin(slope)])
@@ -253,7 +259,9 @@ def test_a_rigid_motion_has_no_strain_rate():
     spin, velocity = np.array([3.0, -2.0, 5.0]), np.array([0.1, 0.2, -0.3])  # world
     rotation_a, rotation_b = (Rotation.from_quat(np.roll(q, -1)) for q in (a, b))
     velocity_b = velocity + np.cross(spin, np.subtract(position_b, position_a))
-    gamma_rate, phi_rate = rates(*poses, velocity, rotation_a.inv().apply(spin), velocity_b, rotation_b.inv().apply(spin))
+    gamma_rate, phi_rate = rates(
+        *poses, velocity, rotation_a.inv().apply(spin), velocity_b, rotation_b.inv().apply(spin)
+    )
     np.testing.assert_allclose(gamma_rate, 0.0, atol=1e-13)
     np.testing.assert_allclose(phi_rate, 0.0, atol=1e-13)
 
@@ -268,7 +276,9 @@ def planar_case(bend, seed):
     angles = rng.uniform(-2, 2) + np.array([0.0, bend])
     turn = angles.mean()
     end = start + LENGTH * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ chord
-    flat = [(tuple(float(x) for x in p), (np.cos(t / 2), np.sin(t / 2))) for p, t in ((start, angles[0]), (end, angles[1]))]
+    flat = [
+        (tuple(float(x) for x in p), (np.cos(t / 2), np.sin(t / 2))) for p, t in ((start, angles[0]), (end, angles[1]))
+    ]
     space = [((*p, 0.0), (w, 0.0, 0.0, z)) for p, (w, z) in flat]
     return flat, space
 

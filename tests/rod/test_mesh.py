@@ -1,11 +1,11 @@
-"""Nodes, lumped masses and the residual bending flexibility: quadrature rules, and beams that are exact at the nodes."""
+"""Nodes, lumped masses and residual bending flexibility: quadrature rules, and beams exact at the nodes."""
 
 import numpy as np
 import pytest
-from rod.beams import CLAMPED_FREE, slender_rod, transverse_frequency, weightless
 
-from magrod_env import Magnet, Rod, Scene, Simulation, load_scene
+from magrod_env import Rod, Simulation, load_scene
 from magrod_env.rod.mesh import arc_lengths, lumped_lengths, split_elements
+from rod.beams import CLAMPED_FREE, slender_rod, transverse_frequency, weightless, with_tip
 
 ROD = slender_rod()
 
@@ -78,7 +78,7 @@ def test_plain_weights_are_the_trapezoidal_rule():
 
 @pytest.mark.parametrize("counts", [(3, 2), (4, 4), (6, 3)])
 def test_corrected_weights_keep_their_order_where_the_spacing_changes(counts):
-    """Two segments of different spacing, refined by 32: the integral of the first mode's square, a quarter of the tip's."""
+    """Two segments of different spacing, refined by 32: the mean square of the first mode, a quarter of its tip's."""
     ends, errors = np.array([0.55, 1.0]), []
     for refine in (1, 32):
         arc = arc_lengths(ends, refine * np.array(counts))
@@ -120,10 +120,12 @@ def test_masses_of_a_simulation_hold_the_magnets():
 
 
 @pytest.mark.parametrize("num_elements", [1, 2, 3, 7])
-@pytest.mark.parametrize("rod", [ROD, Rod.square(length=0.1, edge=0.02, density=1.0, youngs_modulus=1e6, poissons_ratio=0.5)])
+@pytest.mark.parametrize(
+    "rod", [ROD, Rod.square(length=0.1, edge=0.02, density=1.0, youngs_modulus=1e6, poissons_ratio=0.5)]
+)
 def test_a_cantilever_is_exact_at_its_tip_for_an_end_load(rod, num_elements):
     """P L^3/(3 EI) + P L/GA at every number of elements, also for a stubby rod that shears."""
-    scene = weightless(rod, moment=0.0, mass=1e-6).replace(gravity=(0.0, 0.0, -1e-3))
+    scene = weightless(rod, mass=1e-6).replace(gravity=(0.0, 0.0, -1e-3))
     load = 1e-9
     exact = load * (rod.length**3 / (3 * scene.rod.bending_stiffness) + rod.length / scene.rod.shear_stiffness)
     tip = Simulation(scene, num_elements=num_elements).equilibrium().tip_position
@@ -132,7 +134,7 @@ def test_a_cantilever_is_exact_at_its_tip_for_an_end_load(rod, num_elements):
 
 @pytest.mark.parametrize("num_elements", [2, 3, 7])
 def test_a_cantilever_is_exact_at_every_node_for_an_end_load(num_elements):
-    scene = weightless(ROD, moment=0.0, mass=1e-6).replace(gravity=(0.0, -1e-3, 0.0))
+    scene = weightless(ROD, mass=1e-6).replace(gravity=(0.0, -1e-3, 0.0))
     simulation = Simulation(scene, num_elements=num_elements)
     s, L, load = simulation.arc_lengths, ROD.length, 1e-9
     bending, shear = scene.rod.bending_stiffness, scene.rod.shear_stiffness
@@ -142,7 +144,7 @@ def test_a_cantilever_is_exact_at_every_node_for_an_end_load(num_elements):
 
 @pytest.mark.parametrize("element", ["helical", "nodal"])
 def test_a_pull_along_the_rod_stretches_it_by_its_stiffness(element):
-    """A dipole m in a gradient g along its axis is pulled by m g, here with a tenth of the shear stiffness 12 EI/h^2."""
+    """A dipole m in a gradient g along its axis is pulled by m g, here a tenth of the shear stiffness 12 EI/h^2."""
     rod, moment, slope = slender_rod(youngs_modulus=1e6), 1e-4, 0.5
     simulation = Simulation(weightless(rod, moment=moment), num_elements=3, element=element)
     gradient = slope * np.diag([1.0, -0.5, -0.5])
@@ -155,14 +157,23 @@ def test_a_pull_along_the_rod_stretches_it_by_its_stiffness(element):
 
 @pytest.mark.parametrize(("tip_mass", "order"), [(0.0, 4.0), (1.0, 3.5)])
 def test_bending_frequencies_converge_with_the_fourth_power_of_the_element(tip_mass, order):
-    """Against the Timoshenko beam, its point mass in units of the rod's; the magnet's mass lowers the order a little."""
+    """Against the Timoshenko beam, its tip mass in units of the rod's, which lowers the order a little."""
     errors = first_frequency_errors(tip_mass * ROD.mass, (8, 16, 32))
     assert np.log2(errors[:-1] / errors[1:]).min() > order - 0.25
 
 
 @pytest.mark.parametrize(
     ("num_elements", "tip_mass", "tolerance"),
-    [(1, 0.0, 0.15), (2, 0.0, 0.012), (3, 0.0, 5e-4), (6, 0.0, 5e-5), (1, 1.0, 0.04), (2, 1.0, 4e-3), (3, 1.0, 3e-4), (6, 1.0, 2e-5)],
+    [
+        (1, 0.0, 0.15),
+        (2, 0.0, 0.012),
+        (3, 0.0, 5e-4),
+        (6, 0.0, 5e-5),
+        (1, 1.0, 0.04),
+        (2, 1.0, 4e-3),
+        (3, 1.0, 3e-4),
+        (6, 1.0, 2e-5),
+    ],
 )
 def test_first_frequency_of_a_few_elements(num_elements, tip_mass, tolerance):
     assert first_frequency_errors(tip_mass * ROD.mass, (num_elements,))[0] < tolerance
@@ -170,9 +181,7 @@ def test_first_frequency_of_a_few_elements(num_elements, tip_mass, tolerance):
 
 def first_frequency_errors(tip_mass, numbers):
     """Relative errors of the first bending frequency."""
-    magnets = (Magnet.dipole(position=ROD.length, moment=0.0, mass=tip_mass),) if tip_mass else ()
-    exact = transverse_frequency(ROD, 0, tip_mass)
-    scene = Scene(rod=ROD, magnets=magnets)
+    exact, scene = transverse_frequency(ROD, 0, tip_mass), with_tip(ROD, mass=tip_mass)
     found = [Simulation(scene, num_elements=n, plane="xz").natural_frequencies()[0] for n in numbers]
     return np.abs(np.array(found) / exact - 1.0)
 
@@ -181,17 +190,17 @@ def first_frequency_errors(tip_mass, numbers):
 def test_frequencies_are_those_of_the_slender_beam(mode):
     """beta L = 1.8751, 4.6941, 7.8548 within what shear and rotary inertia take at a length of 100 widths."""
     unit = np.sqrt(ROD.bending_stiffness / ROD.mass_per_length) / (2 * np.pi * ROD.length**2)
-    found = Simulation(Scene(rod=ROD), num_elements=24, plane="xy").natural_frequencies()[mode]
+    found = Simulation(with_tip(ROD), num_elements=24, plane="xy").natural_frequencies()[mode]
     np.testing.assert_allclose(found, CLAMPED_FREE[mode] ** 2 * unit, rtol=1e-3)
 
 
 def test_axial_and_torsional_frequencies_are_those_of_a_clamped_free_bar():
-    """c/(4 L) with c = sqrt(E/rho) and, as section and stiffness share the polar moment, sqrt(G/rho); second order in h."""
+    """c/(4 L) with c = sqrt(E/rho) and sqrt(G/rho), as stiffness and inertia share the polar moment; second order."""
     speeds = np.sqrt(np.array([ROD.youngs_modulus, ROD.shear_modulus]) / ROD.density)
     for speed in speeds:
         errors = []
         for num_elements in (8, 16, 32):
-            found = Simulation(Scene(rod=ROD), num_elements=num_elements).natural_frequencies()
+            found = Simulation(with_tip(ROD), num_elements=num_elements).natural_frequencies()
             errors.append(np.abs(found / (speed / (4 * ROD.length)) - 1.0).min())
         assert errors[-1] < 2e-4
         np.testing.assert_allclose(np.log2(np.array(errors[:-1]) / errors[1:]), 2.0, atol=0.1)
@@ -212,7 +221,7 @@ LOCKING = {  # scene: elements and stiffening of bending at the paper's settings
 def test_the_nodal_element_is_too_stiff_by_its_locking_factor(name, num_elements, factor):
     """A small tip couple m B turns the tip by m B L/(EI factor); shaping divides E by the factor."""
     rod = load_scene(name).rod
-    scene = Scene(rod=rod, magnets=(Magnet.dipole(position=rod.length, moment=1e-3),))
+    scene = with_tip(rod, moment=1e-3)
     turn, field = 1e-6, 1e-6 * rod.bending_stiffness / (rod.length * 1e-3)
     for shaping, stiffening in ((False, factor), (True, 1.0)):
         simulation = Simulation(scene, num_elements=num_elements, element="nodal", frequency_shaping=shaping)
@@ -225,6 +234,6 @@ def test_the_nodal_element_vibrates_faster_by_the_root_of_its_locking_factor(nam
     """Within 2 %, which its plain masses take."""
     num_elements, factor = LOCKING[name]
     rod = load_scene(name).rod
-    simulation = Simulation(Scene(rod=rod), num_elements=num_elements, element="nodal", plane="xz")
+    simulation = Simulation(with_tip(rod), num_elements=num_elements, element="nodal", plane="xz")
     ratio = simulation.natural_frequencies()[0] / transverse_frequency(rod, 0)
     np.testing.assert_allclose(ratio**2, factor, rtol=0.02)

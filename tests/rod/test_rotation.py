@@ -60,9 +60,11 @@ def test_invariants_do_not_drift_over_many_steps():
     before, energy = np.array(momentum), np.sum(np.array(momentum) ** 2 / INERTIA)
     for _ in range(20_000):
         q, momentum = free_rotation(q, momentum, TIME_STEP, COMPLIANCE)
-    np.testing.assert_allclose(np.array(matrix(q, 2.0)) @ np.array(momentum), before, atol=2e-13 * np.linalg.norm(before))
+    np.testing.assert_allclose(
+        np.array(matrix(q, 2.0)) @ np.array(momentum), before, atol=2e-13 * np.linalg.norm(before)
+    )
     np.testing.assert_allclose(np.linalg.norm(q), 1.0, atol=3e-16)
-    # the axial momentum, and with it the energy, moves only by what three sweeps leave of the implicit equation: 1e-9 a step
+    # the axial momentum, and with it the energy, moves only by what three sweeps leave: 1e-9 a step
     np.testing.assert_allclose(np.sum(np.array(momentum) ** 2 / INERTIA), energy, rtol=2e-8)
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from magrod_env import Scene, Simulation, SimulationDiverged, load_scene, paper_scene
+from magrod_env import Simulation, SimulationDiverged, load_scene, paper_scene
 
-SOFT = load_scene("paper4_pdms_tip_magnet")
+SOFT = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=0.0)
 WEIGHTLESS = SOFT.replace(gravity=(0.0, 0.0, 0.0))
 
 
@@ -39,7 +39,7 @@ def test_the_bound_is_the_limit_of_the_straight_rod(element, num_elements):
 
 @pytest.mark.parametrize("name", ["niti_guidewire", "paper6_two_magnets"])
 def test_the_bound_is_the_limit_of_other_rods(name):
-    scene = load_scene(name).replace(gravity=(0.0, 0.0, 0.0), drag_rate=None)
+    scene = load_scene(name).replace(gravity=(0.0, 0.0, 0.0), drag_rate=0.0)
     simulation = Simulation(scene, num_elements=8)
     bound = simulation.stable_time_step
     assert_limit_between(simulation, 0.999 * bound, 1.001 * bound)
@@ -79,7 +79,7 @@ def test_more_elements_need_shorter_steps(num_elements, limit):
 
 @pytest.mark.parametrize(
     ("name", "limit"),
-    [("paper1_aluminium_in_plane", 3.07e-7), ("paper2_aluminium_out_of_plane", 1.54e-7), ("paper6_two_magnets", 3.38e-5)],
+    [("paper1_aluminium_in_plane", 3.07e-7), ("paper2_aluminium_out_of_plane", 1.54e-7)],
 )
 def test_steps_of_the_paper_lie_beyond_the_limit_of_its_own_element(name, limit):
     record = paper_scene(name)
@@ -150,5 +150,5 @@ def test_a_strained_step_after_a_reset_in_a_strong_field_is_refused():
 
 
 def test_a_strong_field_is_no_matter_without_magnets():
-    simulation = Simulation(Scene(rod=SOFT.rod), num_elements=3)
+    simulation = Simulation(SOFT.replace(magnets=()), num_elements=3)
     simulation.advance(0.01, field=(1e3, 0.0, 0.0))

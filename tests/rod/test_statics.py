@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rod.beams import slender_rod, weightless
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from magrod_env import Simulation, StabilityError, load_scene
+from rod.beams import slender_rod, weightless
 
 REFERENCE = np.load(Path(__file__).parents[1] / "reference" / "reference.npz")
 ROD = slender_rod(youngs_modulus=1e7)
@@ -119,7 +119,7 @@ def turning_points():
 
 @pytest.mark.parametrize("field", turning_points())
 def test_stability_is_reported_lost_only_where_a_frequency_vanishes(field):
-    """On the way to a strong field the shape changes steadily and stays stable; where no path goes on, it has softened to zero."""
+    """On the way to a strong field the shape is stable everywhere; where it ends, its lowest frequency goes to zero."""
     simulation = wire(6, load_scene("paper4_pdms_tip_magnet"))
     case = simulation.equilibrium(field)
     share = case.share - 1.0
@@ -180,7 +180,7 @@ def test_a_rod_released_in_its_equilibrium_stays_there(element):
 
 
 def test_equilibrium_in_a_gradient_is_where_a_damped_motion_ends():
-    """The motion ends where the energy -m.B(p) of the dipole is stationary; a gradient is symmetric and has no trace."""
+    """It ends where the energy -m.B(p) of the dipole is stationary; a gradient is symmetric and has no trace."""
     slope = 0.1 * np.array([[0.2, 0.1, -0.3], [0.1, -0.5, 0.05], [-0.3, 0.05, 0.3]])
     scene = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=60.0)
     simulation = Simulation(scene, num_elements=4)

@@ -1,5 +1,6 @@
 """The motion in time: order, invariants, laws of momentum, and the spectral solution of the same rods."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from magrod_env import Simulation, load_scene
 from magrod_env.rod.layout import AXIAL, BENDING, SHEAR, TORSION
 
 REFERENCE = np.load(Path(__file__).parents[1] / "reference" / "reference.npz")
-SOFT = load_scene("paper4_pdms_tip_magnet")  # gravity, one magnet
+SOFT = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=0.0)
 DRAGGED = SOFT.replace(drag_rate=5.0)
 DAMPED = SOFT.replace(drag_rate=5.0, internal_damping=1e-3)
 GRAVITY = np.array(SOFT.gravity)
@@ -44,7 +45,9 @@ def shaken(simulation, speed=0.05, spin=5.0, seed=1):
 
 
 @pytest.mark.parametrize(
-    ("scene", "time_step"), [(SOFT, 2e-4), (DRAGGED, 2e-4), (DAMPED, 2e-5)], ids=["undamped", "drag", "internal_damping"]
+    ("scene", "time_step"),
+    [(SOFT, 2e-4), (DRAGGED, 2e-4), (DAMPED, 2e-5)],
+    ids=["undamped", "drag", "internal_damping"],
 )
 def test_second_order_in_time(scene, time_step):
     """Halving the step quarters the change, in a field that rises and turns smoothly, from rest in equilibrium.
@@ -55,20 +58,26 @@ def test_second_order_in_time(scene, time_step):
     for halvings in range(4):
         simulation = Simulation(scene, num_elements=3, time_step=time_step / 2**halvings)
         simulation.reset(field=(0.0, 0.0, 0.0))
-        simulation.advance(500 * time_step, field=lambda t: rotating(t / (1000 * time_step), rate=2.0))
-        ends.append(np.concatenate([simulation.positions.ravel(), 0.01 * simulation.velocities.ravel()]))
+        end = 1000 * time_step
+        simulation.advance(
+            end, field=lambda t, end=end: np.sin(0.5 * np.pi * t / end) ** 2 * np.array([0.0, 4e-3, 8e-3])
+        )
+        ends.append(simulation.positions.ravel())
     changes = np.linalg.norm(np.diff(ends, axis=0), axis=1)
     np.testing.assert_allclose(np.log2(changes[:-1] / changes[1:]), 2.0, atol=0.1)
 
 
 @pytest.mark.parametrize("parts", [1, 7])
 def test_a_duration_in_parts_is_the_same_motion(parts):
-    """Positions and velocities belong to one time at every return, so stopping and going on costs only rounding."""
+    """Positions and velocities belong to one time at every return.
+
+    A stop cuts one free rotation in two, which in discrete time differs by the third power of its angle.
+    """
     whole, split = (Simulation(DRAGGED, num_elements=3, time_step=5e-5) for _ in range(2))
     whole.advance(0.07, field=UP)
     for _ in range(parts):
         split.advance(0.07 / parts, field=UP)
-    np.testing.assert_allclose(split.positions, whole.positions, atol=1e-13)
+    np.testing.assert_allclose(split.positions, whole.positions, atol=1e-12)
 
 
 def test_the_motion_runs_backwards():
@@ -199,7 +208,7 @@ def tip_error(case, scene, num_elements, field=None, until=2.0, **options):
     simulation = Simulation(scene, num_elements=num_elements, **options)
     times, tips = REFERENCE[f"{case}_time"], REFERENCE[f"{case}_tip"]
     seen = [simulation.tip_position[0]]
-    for start, end in zip(times[:-1], times[1:]):
+    for start, end in pairwise(times):
         if start >= until - 1e-9:
             break
         simulation.advance(end - start, field=field)
@@ -230,7 +239,7 @@ def test_two_magnets_follow_the_spectral_solution():
     scene = load_scene("paper6_two_magnets", modulus=3.65e6).replace(drag_rate=5.0)
     simulation = Simulation(scene, num_elements=10)
     times, errors = REFERENCE["two_magnet_free_decay_time"], []
-    for k, (start, end) in enumerate(zip(times[:101], times[1:102])):
+    for k, (start, end) in enumerate(pairwise(times[:102])):
         x = min(0.5 * (start + end) / 0.5, 1.0)  # the field in steps of 10 ms
         simulation.advance(end - start, field=(0.0, 0.0, 10e-3 * x * x * (3 - 2 * x)))
         found = simulation.positions[0][list(simulation.magnet_nodes)]
@@ -242,7 +251,7 @@ def test_two_magnets_follow_the_spectral_solution():
 
 
 def test_error_in_space_falls_faster_than_the_third_power_of_the_element():
-    """Against the spectral solution over the first half second, with steps too short to matter; 3.5, then 2.9, were found."""
+    """Over half a second against the spectral solution, with steps too short to matter; 3.5, then 2.9, were found."""
     errors = [tip_error("free_decay", SOFT, n, until=0.5, time_step=1e-5) for n in (5, 10, 20)]
     assert np.log2(np.array(errors[:-1]) / errors[1:]).min() > 2.7
     assert np.log2(errors[0] / errors[-1]) / 2 > 3.0
@@ -250,4 +259,4 @@ def test_error_in_space_falls_faster_than_the_third_power_of_the_element():
 
 def test_the_papers_element_does_not_follow_the_spectral_solution():
     """It locks: at the paper's ten elements the tip is off by tens of millimetres."""
-    assert 20e-3 < tip_error("free_decay", SOFT, 10, element="nodal") < 60e-3
+    assert 35e-3 < tip_error("free_decay", SOFT, 10, element="nodal") < 40e-3

@@ -1,12 +1,12 @@
-"""The tangent stiffness is the second derivative of the energy; its factorisation is that of a symmetric band matrix."""
+"""The tangent stiffness is the second derivative of the energy; it is factored as a symmetric band matrix."""
 
 import numpy as np
 import pytest
-from rod.truth import exact_loads, helical_energy, nodal_energy
 from scipy.spatial.transform import Rotation
 
 from magrod_env import Simulation, load_scene
 from magrod_env.rod.tangent import BAND, factorise, solve_factored
+from rod.truth import exact_loads, helical_energy, nodal_energy
 
 FIELD = np.array([2e-3, -4e-3, 9e-3])
 
@@ -46,8 +46,8 @@ def residual(simulation, element, positions, quaternions):
 
 @pytest.mark.parametrize("element", ["helical", "nodal"])
 def test_tangent_is_the_second_derivative_of_the_energy(element):
-    """At any shape its symmetric part is that of the derivative of the loads; differences of exact loads by 1e-6 give 9 digits."""
-    simulation = Simulation(load_scene("paper6_two_magnets"), num_elements=3, element=element)
+    """Its symmetric part, at any shape: differences of exact loads by 1e-6 give nine digits."""
+    simulation = Simulation(load_scene("paper4_pdms_tip_magnet"), num_elements=3, element=element)
     positions, quaternions = bent_poses(simulation)
     case = simulation._static.equilibrium(np.zeros(3))  # any load case: only its field and shape are used
     case = type(case)(positions, quaternions, True, 2.0, FIELD, np.zeros(9))

@@ -109,7 +109,8 @@ def exact_loads(energy, pose_a, pose_b, length, stiffness):
         loads = []
         for one in ((0, 0, 1), (1, 0, 0), (0, 1, 0)):
             turns = [
-                central_difference(lambda e, k=k, one=one: moved(k, one[0] * e, one[1] * e, one[2] * e)) for k in range(3)
+                central_difference(lambda e, k=k, one=one: moved(k, one[0] * e, one[1] * e, one[2] * e))
+                for k in range(3)
             ]
             loads.append([-float(value) for value in turns])
         return tuple(np.array(load) for load in loads)
