@@ -28,6 +28,9 @@ from scripts import ROOT, Check, Report, Table, least_time
 
 REFERENCE = ROOT / "tests" / "reference" / "reference.npz"
 TIMES = np.linspace(0.0, 2.0, 201)
+HELICAL = (3, 4, 5, 6, 10, 20)  # elements
+DECAY_LIMITS = {6: 0.15, 10: 0.04, 20: 0.006}  # mm: acceptance figures by elements
+FIELD_LIMITS = {4: 0.03, 6: 0.006}
 TIMING = "Times: one rod on one core, the least of several runs, in ms a simulated second."
 
 Field = Callable[[float], np.ndarray]
@@ -155,25 +158,30 @@ def free_decay(report: Report, quick: bool) -> None:
         step = 0.5 * Simulation(scene, num_elements=elements).time_step
         fine[elements] = follow(Simulation(scene, num_elements=elements, time_step=step), None)
     finest = fine[max(fine)]
-    runs = [("helical", n) for n in ((3, 6, 10) if quick else (3, 4, 5, 6, 10, 20))]
-    runs += [("nodal", n) for n in ((10,) if quick else (10, 20))]
+    runs: list[tuple[str, int, float | None]] = [("helical", n, None) for n in ((3, 6, 10) if quick else HELICAL)]
+    runs += [("helical", n, 0.5) for n in ((6,) if quick else (3, 4, 6, 10))]
+    runs += [("nodal", n, None) for n in ((10,) if quick else (10, 20))]
     table = Table(
         "(a) Free decay: undamped, released straight, gravity across, 2 s",
         ("element", "N", "step, µs", "RMS, mm", "largest, mm", "RMS against own finest, mm", "ms/s"),
     )
-    for element, elements in tqdm(runs, desc="free decay", leave=False):
+    for element, elements, share in tqdm(runs, desc="free decay", leave=False):
         simulation = Simulation(scene, num_elements=elements, element=element)
+        if share is not None:
+            step = share * simulation.stable_time_step
+            simulation = Simulation(scene, num_elements=elements, element=element, time_step=step)
         found = follow(simulation, None)
         step, error = 1e6 * used_step(simulation), rms(found, truth)
         row = (element, elements, step, error, worst(found, truth), rms(found, finest), milliseconds(simulation))
         table.rows.append(row)
-        if element == "helical" and elements in (limits := {6: 0.15, 10: 0.04, 20: 0.006}):
-            report.checks.append(Check("a", f"free decay, N={elements}: tip RMS", error, limits[elements], "mm"))
+        if element == "helical" and share is None and elements in DECAY_LIMITS:
+            report.checks.append(Check("a", f"free decay, N={elements}: tip RMS", error, DECAY_LIMITS[elements], "mm"))
     agree = ", ".join(f"N = {n}: {rms(found, truth):.2g} mm" for n, found in fine.items())
     between = "" if quick else f"; N = 40 from N = 80: {rms(fine[40], fine[80]):.2g} mm"
     table.note = (
-        f"Own solution at half the step from the spectral one, RMS: {agree}{between}. The spectral solution from its "
-        f"own coarser runs, largest: {1e3 * reference_error('free_decay'):.1g} mm. {TIMING}"
+        "Helical first at the default step, which allows for a sudden field of 45 mT, then at half the bound without "
+        f"field. Own finest solutions, at half the step, from the spectral one, RMS: {agree}{between}. The spectral "
+        f"solution from its own coarser runs, largest: {1e3 * reference_error('free_decay'):.1g} mm. {TIMING}"
     )
     report.show("free_decay", table)
 
@@ -197,6 +205,7 @@ def driven(report: Report, quick: bool) -> None:
         runs = [("helical", n) for n in counts] + ([] if quick else [("nodal", 10)])
         for element, elements in tqdm(runs, desc=name, leave=False):
             simulation = Simulation(scene, num_elements=elements, element=element)
+            follow(simulation, field, times[:2])  # compiles
             start = time.perf_counter()
             found = follow(simulation, field, times)
             whole = 1e3 * (time.perf_counter() - start) / times[-1]
@@ -274,8 +283,9 @@ def energy(report: Report, quick: bool) -> None:
             (precision, 10_000 * seconds, largest, float(rate), float(np.sqrt(covariance[0, 0])), drift, skewed)
         )
         if precision == "float64":
-            report.checks.append(Check("c", f"energy error over {seconds} s", largest, 1e-2, "of the kinetic"))
-            report.checks.append(Check("c", f"energy drift over {seconds} s", drift, 2e-4, "of the kinetic"))
+            report.checks.append(Check("c", f"energy error over {seconds} s", largest, 1e-5, "of the kinetic"))
+            bound = 1e-6 if quick else 1e-7  # the shorter the fit, the more the swing itself is in it
+            report.checks.append(Check("c", f"energy drift over {seconds} s", drift, bound, "of the kinetic"))
             report.checks.append(Check("c", "orthogonality", skewed, 1e-12, ""))
     report.show("energy", table)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rollouts import EVERYTHING_VARIES, assert_same, run, scripted_actions
+from rollouts import EVERYTHING_VARIES, FEW, assert_same, run, scripted_actions
 
 from magrod_env.envs import Camera, MagRodEnv, MagRodVectorEnv
 from magrod_env.magnetics import Actuator
@@ -29,7 +29,7 @@ def entries(env, observation):
 
 
 def make(task, **settings):
-    env = MagRodEnv(task, num_elements=settings.pop("num_elements", 3), **settings)
+    env = MagRodEnv(task, num_elements=FEW[task], **settings)
     env.core.task_name = task
     return env
 
@@ -229,14 +229,15 @@ def test_state_entries_are_the_physics_state(task):
     length, plain = env.core.scene.rod.length, make(task)
     size = plain.observation_space.shape[0]
     per_node = 7 if task == "planar_reach" else 13
-    assert env.observation_space.shape == (size + 3 * per_node,)
+    num_nodes = FEW[task]
+    assert env.observation_space.shape == (size + num_nodes * per_node,)
     twin = [plain.reset(seed=4)]
     actions = gentle_actions(env, 12, 4)
     results = [env.reset(seed=4)]
     for action in actions:
         results.append(env.step(action))
         twin.append(plain.step(action))
-        nodes, state = results[-1][0][size:].reshape(3, per_node).astype(float), state_of(env)
+        nodes, state = results[-1][0][size:].reshape(num_nodes, per_node).astype(float), state_of(env)
         n = state["position"].shape[1]
         turn = state["rotation"].shape[1]
         np.testing.assert_allclose(nodes[:, :n] * length, state["position"], rtol=0, atol=SINGLE * length)
@@ -247,7 +248,7 @@ def test_state_entries_are_the_physics_state(task):
         assert_same(got[0][:size], want[0])
         assert_same(got[1:], want[1:])
     # The last node carries the tip magnet: its position is the tracked one.
-    tip = results[-1][0][size:].reshape(3, per_node)[-1]
+    tip = results[-1][0][size:].reshape(num_nodes, per_node)[-1]
     columns = [0, 2] if task == "planar_reach" else [0, 1, 2]
     np.testing.assert_array_equal(tip[: len(columns)], results[-1][0][columns])
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rollouts import scripted_actions
+from rollouts import FEW, scripted_actions
 
 from magrod_env.envs import MagRodEnv, MagRodVectorEnv
 from magrod_env.registration import IDS
@@ -77,7 +77,7 @@ def test_two_magnets_have_an_error_each():
 
 def still_errors(success_distance, task="circle", **settings):
     """Infos of a rod that is first on its target and then left behind."""
-    env = MagRodEnv(task, num_elements=3, success_distance=success_distance, **settings)
+    env = MagRodEnv(task, num_elements=FEW[task], success_distance=success_distance, **settings)
     info = env.reset(seed=0)[1]
     hold = holding_action(env, info)
     return [info] + [env.step(hold)[4] for _ in range(20)]

@@ -246,8 +246,8 @@ def test_two_magnets_follow_the_spectral_solution():
         wanted = [REFERENCE[f"two_magnet_free_decay_{name}"][k + 1] for name in ("tip", "middle")]
         errors.append(np.linalg.norm(found - wanted, axis=1))
     errors = np.sqrt(np.mean(np.square(errors), axis=0))
-    assert errors[0] < 0.1e-3
-    assert errors[1] < 0.05e-3
+    assert errors[0] < 0.02e-3
+    assert errors[1] < 0.02e-3
 
 
 def test_error_in_space_falls_faster_than_the_third_power_of_the_element():
