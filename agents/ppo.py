@@ -33,17 +33,17 @@ class Args:
     """registered environment"""
     seed: int = 1
     """of the networks and the environments"""
-    total_steps: int = 3_000_000
+    total_steps: int = 4_000_000
     """environment steps"""
     num_envs: int = 256
     """rods in the batch"""
     rollout_steps: int = 64
     """control steps of every rod between updates"""
-    minibatch: int = 2048
+    minibatch: int = 4096
     """samples a gradient step"""
     epochs: int = 5
     """passes over a rollout"""
-    learning_rate: float = 7e-4
+    learning_rate: float = 1e-3
     """at the start; falls linearly to a tenth"""
     gamma: float = 0.95
     """discount"""
@@ -51,7 +51,7 @@ class Args:
     """of the advantage estimate"""
     entropy: float = 0.0
     """bonus for exploring"""
-    first_log_std: float = -2.5
+    first_log_std: float = -2.0
     """logarithm of the first policy's standard deviation"""
     hidden: int = 64
     """units in each of the two hidden layers"""

@@ -33,7 +33,7 @@ def path_field(core: Any) -> np.ndarray:
 def draw(name: str, steps: int) -> Image.Image:
     """A frame after `steps` control steps under the nominal rod's static inverse."""
     env = gymnasium.make(f"MagRod/{name}-v0", render_mode="rgb_array")
-    env.reset(seed=4)
+    env.reset(seed=0)
     core = env.unwrapped.core
     for _ in range(steps):
         field = reaching_field(core) if core.task.fields is None else path_field(core)

@@ -91,10 +91,10 @@ class Simulation:
         element: "helical" (default: exact for uniform strain) or "nodal" (the paper's, which locks in shear).
         time_step: s; None takes 0.6 of the bound in a sudden field of 45 mT, straight or sagging under twice gravity.
         precision: "float64" or "float32".
-        plane: None for motion in space; "xz" or "xy" computes motion in that plane only, with the same result at less
-        cost. frequency_shaping: with element="nodal", divide E by the locking factor 1 + GA h^2/(4 EI) of the longest
-        element. on_failure: "raise" SimulationDiverged after a step that a rod did not survive, or only "report" it in
-        `status`. num_threads: threads that share the batch; None for one a core.
+        plane: None for motion in space; "xz" or "xy" computes motion in that plane only: the same result at less cost.
+        frequency_shaping: with element="nodal", divide E by the locking factor 1 + GA h^2/(4 EI), h = length/elements.
+        on_failure: "raise" SimulationDiverged after a step that a rod did not survive, or only "report" it in `status`.
+        num_threads: threads that share the batch; None for one a core.
 
     Raises:
         ValueError: on bad input, among it a time step beyond `stable_time_step`.
@@ -194,8 +194,7 @@ class Simulation:
 
         Args:
             field: None lays the rods straight along +x with no field. A field (3,) or (num_rods, 3), T, puts each rod
-            into the
-                static equilibrium that it reaches when gravity and then this field are turned on slowly.
+                into the static equilibrium that it reaches when gravity and then this field are turned on slowly.
 
         Raises:
             ValueError: if the field is not finite, has another shape or leaves the plane.
@@ -206,8 +205,7 @@ class Simulation:
         self._batch.status[:] = 0
         self._gradient[:] = 0.0
         self._batch.set_gradient(self._gradient, 0.0)
-        self._field = np.zeros((self.num_rods, 3)) if field is None else self._checked_field(field)
-        self._batch.set_field(self._field)
+        self._set_field(np.zeros((self.num_rods, 3)) if field is None else self._checked_field(field))
         if field is None:
             positions, quaternions = self._static.straight()
             positions = np.broadcast_to(positions, (self.num_rods, *positions.shape))
@@ -235,10 +233,11 @@ class Simulation:
         """Static equilibrium in one field, without touching the simulation's state.
 
         Args:
-            field: (3,) T, world, at the origin. gradient: (3, 3) T/m, dB_i/dx_j, or None.
+            field: (3,) T, world, at the origin.
+            gradient: (3, 3) T/m, dB_i/dx_j, or None.
 
         Returns:
-            positions (num_nodes, 3) m, rotations (num_nodes, 3, 3), whether it was `reached`, and the `share` of the
+            positions (num_nodes, 3) m, quaternions (num_nodes, 4), whether it was `reached`, and the `share` of the
             loads (0-1 gravity, 1-2 field) at which stability was lost where it was not.
         """
         one = _checks.vector("field", field, advice="give a world vector in tesla")
@@ -253,16 +252,13 @@ class Simulation:
         Args:
             duration: s.
             field: T, world, (3,) or (num_rods, 3), constant over the duration; or a function of time (s) that returns
-            one,
-                sampled in the middle of every step; None keeps the last.
+                one, sampled in the middle of every step; None keeps the last.
             gradient: T/m, (3, 3) or (num_rods, 3, 3): dB_i/dx_j; the field is then `field` + gradient @ position and
-            pulls the
-                magnets; None keeps the last, which is zero after a reset.
+                pulls the magnets; None keeps the last, which is zero after a reset.
 
         Raises:
             ValueError: on a wrong shape, NaN, a field that leaves the plane or is too strong for the time step.
-            SimulationDiverged: if a rod fails and `on_failure` is "raise"; the other rods are then where they should
-            be.
+            SimulationDiverged: if a rod fails and `on_failure` is "raise"; the others are then where they should be.
         """
         duration = _checks.number("duration", duration, at_least=0.0, advice="give it in seconds")
         if gradient is not None:
@@ -332,7 +328,16 @@ class Simulation:
                 f"gradient must be finite of shape (3, 3) or ({self.num_rods}, 3, 3), but got shape {array.shape}: "
                 "give dB_i/dx_j in T/m."
             )
-        self._gradient = np.array(np.broadcast_to(array, (self.num_rods, 3, 3)))
+        array = np.array(np.broadcast_to(array, (self.num_rods, 3, 3)))
+        if self.plane is not None:
+            across = ({0, 1, 2} - set(PLANE_AXES[self.plane])).pop()
+            inside = [axis for axis in range(3) if axis != across]
+            if array[:, across, inside].any() or array[:, inside, across].any():
+                raise ValueError(
+                    f"gradient must not couple the plane {self.plane!r} of this planar simulation with the axis "
+                    f"across it, but got {gradient!r}: use plane=None."
+                )
+        self._gradient = array
         self._batch.use_gradient()
         self._batch.set_gradient(self._gradient, 2.0 * self.scene.rod.length)
 
@@ -466,6 +471,14 @@ class Simulation:
                 )
             array[:, 0] = 0.0
             arrays.append(array)
+        if self.plane is not None:
+            across = ({0, 1, 2} - set(PLANE_AXES[self.plane])).pop()
+            inside = [axis for axis in range(3) if axis != across]
+            if arrays[0][..., across].any() or arrays[1][..., inside].any():
+                raise ValueError(
+                    f"velocities must keep the rod in the plane {self.plane!r} of this planar simulation, but some "
+                    "leave it: leave those components out, or use plane=None."
+                )
         momenta = arrays[1] / (2.0 * np.where(self._compliance() > 0.0, self._compliance(), 1.0))
         self._write_state(self.positions, self._quaternions(), arrays[0], momenta)
         self._batch.mark()
@@ -491,6 +504,9 @@ class Simulation:
         self._batch.travel[:] = 0.0
         self._time = snapshot["time"]
         self._field, self._gradient = snapshot["field"].copy(), snapshot["gradient"].copy()
+        if self._gradient.any():
+            self._batch.use_gradient()
+        self._check_field_strength(self._field)
 
     # ---- what the rods carry
 

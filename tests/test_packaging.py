@@ -30,11 +30,13 @@ MAY_IMPORT = {
     "estimation": {*SCENES, "simulation"},
     "envs": {*SCENES, "simulation", "estimation", "rendering"},
     "rendering": set(),
-    "__init__": {*SCENES, "simulation", "estimation", "envs"},
+    "registration": set(),
+    "__init__": {*SCENES, "simulation", "estimation", "envs", "registration"},
 }
 NUMERICAL = {*sys.stdlib_module_names, "numpy", "numba", "llvmlite"}
 THIRD_PARTY = {
     "envs": {"gymnasium"},
+    "registration": {"gymnasium"},
     "__init__": {"gymnasium"},
     "rendering": {"PIL", "matplotlib", "imageio"},
 }

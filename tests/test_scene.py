@@ -89,9 +89,7 @@ def test_numpy_numbers_and_lists_become_plain_floats():
     assert all(type(value) is float for value in (*scene.gravity, scene.drag_rate))
 
 
-@pytest.mark.parametrize(
-    "thing", [ROUND, TIP, Scene(rod=ROUND, magnets=[TIP, MIDDLE], gravity=[0, 0, -9.81])]
-)
+@pytest.mark.parametrize("thing", [ROUND, TIP, Scene(rod=ROUND, magnets=[TIP, MIDDLE], gravity=[0, 0, -9.81])])
 def test_scenes_hash_pickle_and_stay_frozen(thing):
     assert pickle.loads(pickle.dumps(thing)) == thing
     assert hash(dataclasses.replace(thing)) == hash(thing)
@@ -111,9 +109,7 @@ def test_replace_checks_again_and_refuses_unknown_names():
 @pytest.mark.parametrize("name", ["length", "width", "density", "youngs_modulus"])
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, True, "2", None, [1.0], 1j, 10**400])
 def test_a_rod_needs_finite_positive_numbers(name, value):
-    with pytest.raises(
-        ValueError, match=r"of the rod must be a finite number > 0, but got .*: give it in .*\.$"
-    ):
+    with pytest.raises(ValueError, match=r"of the rod must be a finite number > 0, but got .*: give it in .*\.$"):
         dataclasses.replace(ROUND, **{name: value})
 
 
@@ -178,7 +174,5 @@ def test_bad_scenes_are_told_in_one_sentence(changes, words):
 
 
 def test_an_unknown_shape_is_told_in_one_sentence():
-    with pytest.raises(
-        ValueError, match='shape of the rod must be "circular" or "square", but got \'round\''
-    ):
+    with pytest.raises(ValueError, match='shape of the rod must be "circular" or "square", but got \'round\''):
         dataclasses.replace(ROUND, shape="round")

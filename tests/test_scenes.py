@@ -113,9 +113,7 @@ def test_middle_magnet_is_not_where_table_7_loads_the_rod():
     scene = load_scene("paper6_two_magnets")
     tip, middle = scene.magnets
     assert tip.position - middle.position == pytest.approx(36.1e-3)  # section 4.3
-    below = (
-        math.floor(middle.position / (scene.rod.length / 10)) + 1
-    )  # the table counts from a_1 at the clamp
+    below = math.floor(middle.position / (scene.rod.length / 10)) + 1  # the table counts from a_1 at the clamp
     assert below == 6  # between a_6 and a_7; the table: a_3 and a_4
 
 
@@ -147,9 +145,7 @@ def test_frequency_falls_with_the_root_of_the_stiffening():
     rod = load_scene("paper4_pdms_tip_magnet").rod
     coarse, fine = (math.sqrt(nodal_stiffening(rod, number)) for number in (10, 1000))
     assert fine == pytest.approx(1.0, abs=2e-4)
-    assert (fine / coarse) ** 2 == pytest.approx(
-        1 / paper_scene("paper4_pdms_tip_magnet").stiffening, rel=1e-3
-    )
+    assert (fine / coarse) ** 2 == pytest.approx(1 / paper_scene("paper4_pdms_tip_magnet").stiffening, rel=1e-3)
 
 
 def test_frequency_scaling_is_the_root_of_the_ratio_of_moduli():
@@ -163,9 +159,7 @@ def test_frequency_scaling_is_the_root_of_the_ratio_of_moduli():
 )
 def test_gravity_hardly_bends_the_aluminium_rods(name, sag):
     rod = load_scene(name).rod
-    assert 9.81 * rod.mass_per_length * rod.length**4 / (8 * rod.bending_stiffness) == pytest.approx(
-        sag, rel=0.07
-    )
+    assert 9.81 * rod.mass_per_length * rod.length**4 / (8 * rod.bending_stiffness) == pytest.approx(sag, rel=0.07)
 
 
 def test_field_against_gravity_points_upwards():
@@ -174,9 +168,7 @@ def test_field_against_gravity_points_upwards():
     (magnet,) = scene.magnets
     rod_part = 9.81 * scene.rod.mass_per_length * scene.rod.length**2 / 6
     magnet_part = 9.81 * magnet.mass * scene.rod.length / 2
-    assert (rod_part + magnet_part) / magnet.moment == pytest.approx(
-        record.gravity_compensation_field, rel=0.08
-    )
+    assert (rod_part + magnet_part) / magnet.moment == pytest.approx(record.gravity_compensation_field, rel=0.08)
 
 
 def test_axis_across_the_rod_is_e3_in_the_fourth_scene():
@@ -218,13 +210,9 @@ def test_effective_modulus_of_the_square_rod_could_not_bend_as_far_as_reported()
     assert 2 * reach / stiffness < moved
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in scene_names() if name[:6] not in ("paper3", "paper4", "paper5")]
-)
+@pytest.mark.parametrize("name", [name for name in scene_names() if name[:6] not in ("paper3", "paper4", "paper5")])
 def test_effective_modulus_is_refused_where_it_makes_no_sense(name):
-    words = (
-        rf'modulus="effective" must be asked of a polymer rod of the paper, but got \'{name}\', where .*\.$'
-    )
+    words = rf'modulus="effective" must be asked of a polymer rod of the paper, but got \'{name}\', where .*\.$'
     with pytest.raises(ValueError, match=words):
         load_scene(name, modulus="effective")
 

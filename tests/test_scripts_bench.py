@@ -113,7 +113,7 @@ def test_bench_speeds_are_positive(bench):
 
 
 def test_bench_memory_of_a_rod_is_about_a_kilobyte(bench):
-    ((rods, held),) = columns(bench[1]["tables"]["memory"], "rod's state and constants", "the batch at rest")
+    ((rods, held),) = columns(bench[1]["tables"]["memory"], "rod's state and constants", "held")
     assert 1000.0 < rods < 2000.0  # N = 5: about 150 numbers of 8 bytes
     assert rods < held < 10 * rods
 

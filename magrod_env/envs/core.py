@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from gymnasium.utils import seeding
 
-from magrod_env._jit import PRESENT
+from magrod_env._jit import PRESENT, Bound
 from magrod_env.envs.commanding import add_travel, write_commands
 from magrod_env.envs.observing import Episodes, Optics, Outcome, Scales, View, observe_all, observe_some
 from magrod_env.envs.resetting import Making, begin_episodes, copy_starts, make_rods
@@ -87,6 +87,10 @@ class SteeringCore:
             lag=actuator.lag is not None,
             num_threads=num_threads,
         )
+        self._observe_all, self._observe_some = Bound(observe_all), Bound(observe_some)
+        self._write_commands, self._add_travel = Bound(write_commands), Bound(add_travel)
+        self._begin_episodes, self._copy_starts = Bound(begin_episodes), Bound(copy_starts)
+        self._make_rods = Bound(make_rods)
         self._choose_steps(time_step)
         self._set_up_coils()
         self._set_up_arrays()
@@ -244,20 +248,20 @@ class SteeringCore:
 
     def reset(self, which: np.ndarray, out: Outcome) -> None:
         """Begin new episodes in the environments ``which`` (indices) and write their first observations."""
-        begin_episodes(self.episodes, self.task.targets, which, self._starts, self._draws, self._spread)
+        self._begin_episodes(self.episodes, self.task.targets, which, self._starts, self._draws, self._spread)
         batch = self.batch
         if self._spread is None:
-            copy_starts(batch.rows, self._columns, which, self._starts, batch.status)
+            self._copy_starts(batch.rows, self._columns, which, self._starts, batch.status)
             self.commands[:, which] = self._start_fields[self._starts[which]]
         else:
             self._vary(which)
             self.commands[:, which] = self._start_fields[self._starts[which]] + self._draws[which, 11:14]
-        add_travel(batch.rows, batch.travel, self.plane_axes, self._field_before)
+        self._add_travel(batch.rows, batch.travel, self.plane_axes, self._field_before)
         batch.travel[which] = 0.0
-        observe_some(batch.rows, self.view, batch.terms.planar, self.full, self.episodes, which, out)
+        self._observe_some(batch.rows, self.view, batch.terms.planar, self.full, self.episodes, which, out)
 
     def _vary(self, which: np.ndarray) -> None:
-        make_rods(
+        self._make_rods(
             self.batch.rows,
             self._making,
             self.batch.terms.planar,
@@ -288,13 +292,17 @@ class SteeringCore:
         batch.run(self.num_steps - split, self.time_step, self.blend, self.largest_change)
         self._count_travel()
         batch.watch()
-        observe_all(batch.rows, self.view, batch.terms.planar, self.full, self.episodes, clipped, batch.status, out)
+        self._observe_all(
+            batch.rows, self.view, batch.terms.planar, self.full, self.episodes, clipped, batch.status, out
+        )
 
     def _send(self, commands: np.ndarray) -> None:
-        write_commands(self.batch.rows, commands, self.episodes.mixing, self.plane_axes, self.num_envs, self.follows)
+        self._write_commands(
+            self.batch.rows, commands, self.episodes.mixing, self.plane_axes, self.num_envs, self.follows
+        )
 
     def _count_travel(self) -> None:
-        add_travel(self.batch.rows, self.batch.travel, self.plane_axes, self._field_before)
+        self._add_travel(self.batch.rows, self.batch.travel, self.plane_axes, self._field_before)
 
     def new_outcome(self) -> Outcome:
         """Fresh arrays for one step's results: nothing that is handed out is written again."""

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from magrod_env._jit import PRESENT
+from magrod_env._jit import PRESENT, Bound
 from magrod_env.rod.energy import ELASTIC, GRAVITATIONAL, KINETIC, MAGNETIC, measure_blocks, watch_blocks
 from magrod_env.rod.layout import (
     DAMPING,
@@ -99,7 +99,7 @@ class RodBatch:
         if gravity is not None:
             self.rows[:, GRAVITY : GRAVITY + len(self.axes)] = np.asarray(gravity, float)[list(self.axes), None]
         self.num_threads = num_threads or os.cpu_count() or 1
-        self._pool = None
+        self._pool, self._bound = None, {}
 
     @property
     def width(self) -> int:
@@ -120,6 +120,10 @@ class RodBatch:
 
     def share(self, kernel, *arguments) -> None:
         """Call ``kernel(blocks, first, last, ...)`` on all blocks, shared out over the threads; it releases the GIL."""
+        key = (kernel, self.terms, *(argument is None for argument in arguments))
+        if key not in self._bound:
+            self._bound[key] = Bound(kernel)
+        kernel = self._bound[key]
         total = len(self.blocks)
         workers = min(self.num_threads, max(1, total // BLOCKS_PER_THREAD))
         if workers == 1:
@@ -227,7 +231,7 @@ class RodBatch:
         return {name: seen[row] for name, row in names.items()}
 
     def __getstate__(self):
-        return {**self.__dict__, "_pool": None, "rows": None}
+        return {**self.__dict__, "_pool": None, "_bound": {}, "rows": None}
 
     def __setstate__(self, state):
         self.__dict__.update(state)

@@ -11,8 +11,9 @@ def free_rotation(rotation, momentum, time_step, compliance):
     """Rotation and body angular momentum after a torque-free step.
 
     Solves ``dt Pi = (F Jd - Jd F^T)^vee`` (Tariverdi et al. 2020, eq. 10-13) for F = Cay(f) by fixed-point sweeps of
-    ``f = (g + g x f + f (g.f)) / (2 J)``, g = dt Pi; then O <- O F, Pi <- F^T Pi. Each sweep gains a factor of about
-    dt |omega|; at the largest stable steps three reach rounding (tests/rod/test_rotation.py).
+    ``f = (g + g x f + f (g.f)) / (2 J)``, g = dt Pi; then O <- O F, Pi <- F^T Pi. Three sweeps leave a relative
+    error of 0.08 (dt |omega|)^4: 1e-13 at dt |omega| = 1e-3, 1e-9 at 0.01, 1e-5 at 0.1. F is a rotation and momentum is
+    kept whatever the error.
 
     ``compliance`` is 1/(2 J) of the axial and the transverse inertia (kg m^2).
     """

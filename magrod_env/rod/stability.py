@@ -52,7 +52,7 @@ def stable_time_step(
     """Largest stable time step of the straight rod, s, in a field of any direction up to ``field_magnitude`` T.
 
     2/omega_max of the linearised rod; a dipole adds at most |m||B| to its node's rotational stiffness (Rayleigh's
-    bound), and Kelvin-Voigt damping of time ``damping`` (s) shortens the step to (sqrt(4 w^2 + 16 c^2) - 4 c)/w^2 with
+    bound), and Kelvin-Voigt damping of time ``damping`` (s) shortens the step to 2 (sqrt(w^2 + c^2) - c)/w^2 with
     c = damping w^2.
     """
     stiffness, inertia = linearise(block, layout, terms._replace(magnets=None), None, *straight(block, layout, terms))
@@ -69,15 +69,15 @@ def time_step_bound(stiffness, inertia, plane: str | None, damping: float) -> fl
     """Largest stable step of a linearised rod with Kelvin-Voigt time ``damping`` (s), s."""
     highest = np.nanmax(angular_frequencies(stiffness, inertia, plane))
     rate = damping * highest**2
-    return float((np.sqrt(4.0 * highest**2 + 16.0 * rate**2) - 4.0 * rate) / highest**2)
+    return float(2.0 * (np.sqrt(highest**2 + rate**2) - rate) / highest**2)
 
 
 def shock_factor(block, layout: Layout, terms: Terms, field_magnitude: float) -> float:
     """How much a sudden field of ``field_magnitude`` T raises the highest frequency of the rod.
 
-    The field turns a magnet's section before its neighbours move: to twice the angle d = m B/k at which its elements
-    hold it, k = sum of GA* h/4 + EI/h. So turned, an element is d^2/8 shorter than its chord, and its axial stiffness
-    adds about EA h d^2/8 to k: the frequency grows by sqrt(1 + EA h d^2/(8 k)) (derived in docs/physics.md).
+    The field turns a magnet's section before its neighbours move: to twice the angle at which its elements hold it, so
+    d = 2 m B/k with k = sum of GA* h/4 + EI/h. A turned element is shorter than its chord by a part of d^2, and its axial
+    stiffness then adds at most EA h d^2/8 to k: the frequency grows by at most sqrt(1 + EA h d^2/(8 k)) (docs/physics.md).
     """
     rows = block.reshape(-1, len(terms.lanes))[:, 0]
     worst = 0.0

@@ -42,7 +42,9 @@ def test_partial_reset_equals_gymnasiums(variant, mode):
     mask = np.arange(num_envs) % 3 == 1
     for k in range(4):
         assert_same(batch.step(actions[k]), want.step(actions[k]), f"step {k}")
-    assert_same(batch.reset(options={"reset_mask": mask.copy()}), want.reset(options={"reset_mask": mask.copy()}), "mask")
+    assert_same(
+        batch.reset(options={"reset_mask": mask.copy()}), want.reset(options={"reset_mask": mask.copy()}), "mask"
+    )
     for k in range(4, 8):
         got = batch.step(actions[k])
         assert_same(got, want.step(actions[k]), f"step {k}")
@@ -74,7 +76,8 @@ def test_masked_reset_with_a_seed_equals_gymnasiums():
     for env in (batch, want):
         env.reset(seed=1)
     assert_same(
-        batch.reset(seed=50, options={"reset_mask": mask.copy()}), want.reset(seed=50, options={"reset_mask": mask.copy()})
+        batch.reset(seed=50, options={"reset_mask": mask.copy()}),
+        want.reset(seed=50, options={"reset_mask": mask.copy()}),
     )
     for action in scripted_actions(batch.action_space, 4):
         assert_same(batch.step(action), want.step(action))

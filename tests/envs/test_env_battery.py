@@ -141,7 +141,9 @@ def test_spaces_are_seeded_apart_from_the_episodes(name):
 
 @every_id
 @pytest.mark.parametrize("vector", [False, True], ids=["single", "vector"])
-@pytest.mark.parametrize("clone", [lambda env: pickle.loads(pickle.dumps(env)), copy.deepcopy], ids=["pickle", "deepcopy"])
+@pytest.mark.parametrize(
+    "clone", [lambda env: pickle.loads(pickle.dumps(env)), copy.deepcopy], ids=["pickle", "deepcopy"]
+)
 def test_copy_in_mid_episode_goes_on_with_the_same_bits(name, vector, clone):
     """Also over the next resets, and without either copy touching the other."""
     env = gymnasium.make_vec(name, num_envs=2) if vector else gymnasium.make(name)

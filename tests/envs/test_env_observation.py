@@ -100,7 +100,9 @@ def test_control_rate_scales_time_and_not_the_preview():
     results = run(env, np.zeros((51, 2)), 0)
     length = env.core.scene.rod.length
     first, second = (results[k][-1]["target"] for k in (0, 1))
-    np.testing.assert_allclose(entries(env, results[0][0])["ahead 0.04"] * length / 10, second - first, atol=SINGLE * length)
+    np.testing.assert_allclose(
+        entries(env, results[0][0])["ahead 0.04"] * length / 10, second - first, atol=SINGLE * length
+    )
     np.testing.assert_allclose(results[50][-1]["target"], first, rtol=0, atol=1e-12)
     assert env.metadata["render_fps"] == 25.0
 
@@ -242,7 +244,9 @@ def test_state_entries_are_the_physics_state(task):
         turn = state["rotation"].shape[1]
         np.testing.assert_allclose(nodes[:, :n] * length, state["position"], rtol=0, atol=SINGLE * length)
         np.testing.assert_allclose(nodes[:, n : n + turn], state["rotation"], rtol=0, atol=SINGLE)
-        np.testing.assert_allclose(nodes[:, n + turn : 2 * n + turn] * length, state["velocity"], rtol=1e-6, atol=SINGLE)
+        np.testing.assert_allclose(
+            nodes[:, n + turn : 2 * n + turn] * length, state["velocity"], rtol=1e-6, atol=SINGLE
+        )
         np.testing.assert_allclose(nodes[:, 2 * n + turn :] * 10.0, state["spin"], rtol=1e-6, atol=SINGLE)
     for got, want in zip(results, twin, strict=True):
         assert_same(got[0][:size], want[0])

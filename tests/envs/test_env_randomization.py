@@ -96,7 +96,9 @@ def test_initial_field_is_uniform_on_each_coil_axis():
 def test_middle_magnet_moves_and_the_tip_magnet_does_not():
     core = batch_of("two_magnet", magnet_position=3e-3).core
     layout = core.batch.layout
-    lengths = np.stack([core.batch.gather(layout.elements + 6 * e + LENGTH, 1)[:, 0] for e in range(core.num_elements)], axis=1)
+    lengths = np.stack(
+        [core.batch.gather(layout.elements + 6 * e + LENGTH, 1)[:, 0] for e in range(core.num_elements)], axis=1
+    )
     np.testing.assert_allclose(lengths.sum(axis=1), core.scene.rod.length, rtol=1e-12)
     middle_node = min(layout.magnet_nodes)
     place = lengths[:, :middle_node].sum(axis=1) - min(magnet.position for magnet in core.scene.magnets)
@@ -147,7 +149,8 @@ def test_each_quantity_changes_the_motion(spread):
 
 def test_magnet_position_changes_the_motion():
     env, nominal = (
-        MagRodEnv("two_magnet", num_elements=6, randomization=made) for made in (Randomization(magnet_position=3e-3), None)
+        MagRodEnv("two_magnet", num_elements=6, randomization=made)
+        for made in (Randomization(magnet_position=3e-3), None)
     )
     actions = scripted_actions(env.action_space, 10)
     apart = run(env, actions, 1)[-1][-1]["tip_position"] - run(nominal, actions, 1)[-1][-1]["tip_position"]

@@ -30,9 +30,7 @@ def test_helmholtz_field_at_the_centre_is_the_closed_form():
 @pytest.mark.parametrize("separation", [0.05, 0.1, 0.3])
 def test_field_per_ampere_holds_at_any_separation(separation):
     pair = dataclasses.replace(PAIR, separation=separation)
-    np.testing.assert_allclose(
-        pair.field(pair.center, 1.0), pair.field_per_ampere * np.array(pair.axis), rtol=1e-13
-    )
+    np.testing.assert_allclose(pair.field(pair.center, 1.0), pair.field_per_ampere * np.array(pair.axis), rtol=1e-13)
 
 
 def test_gradient_and_second_derivative_vanish_at_the_centre_of_a_helmholtz_pair():

@@ -72,9 +72,7 @@ def test_gradient_agrees_with_finite_differences(loop):
     points = world(loop, local[distance > 0.01])
     step = 2e-4 * loop.radius * np.minimum(distance[distance > 0.01], 1.0)[:, None]
     columns = []
-    for axis in np.eye(
-        3
-    ):  # fourth-order differences: truncation about 1e-13, rounding about 1e-11 of the gradient
+    for axis in np.eye(3):  # fourth-order differences: truncation about 1e-13, rounding about 1e-11 of the gradient
         far, near = (
             loop.field(points + k * step * axis, CURRENT) - loop.field(points - k * step * axis, CURRENT)
             for k in (2.0, 1.0)

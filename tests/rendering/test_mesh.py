@@ -18,9 +18,7 @@ def test_centreline_follows_an_arc_between_nodes(num_nodes):
     radii = np.hypot(points[:, 0], points[:, 2] - 1 / curvature)
     # A cubic misses a circle by order h^4 kappa^3: 30 micrometres with two elements.
     np.testing.assert_allclose(radii, 1 / curvature, atol=40e-6 * (2 / (num_nodes - 1)) ** 4)
-    np.testing.assert_allclose(
-        np.swapaxes(frames, 1, 2) @ frames, np.eye(3) + np.zeros_like(frames), atol=1e-12
-    )
+    np.testing.assert_allclose(np.swapaxes(frames, 1, 2) @ frames, np.eye(3) + np.zeros_like(frames), atol=1e-12)
 
 
 def test_centreline_passes_through_the_nodes():

@@ -67,9 +67,7 @@ def test_inputs_are_left_alone():
         np.testing.assert_array_equal(value, copies[name])
 
 
-@pytest.mark.parametrize(
-    ("views", "pane"), [(("side", "front"), 0), (("side", "front"), 1), (("side", "top"), 1)]
-)
+@pytest.mark.parametrize(("views", "pane"), [(("side", "front"), 0), (("side", "front"), 1), (("side", "top"), 1)])
 def test_target_lands_where_the_projection_says(views, pane):
     target = np.array([0.6 * LENGTH, 0.15 * LENGTH, -0.2 * LENGTH])
     renderer = Renderer(PICTURE, views=views)

@@ -1,0 +1,279 @@
+"""Bad input to the environments: one clear sentence each, that names the argument and what it got."""
+
+import dataclasses
+
+import gymnasium
+import numpy as np
+import pytest
+
+from magrod_env import load_scene
+from magrod_env.envs import Camera, MagRodEnv, MagRodVectorEnv, Randomization
+from magrod_env.magnetics import Actuator
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+NAN = float("nan")
+
+
+def check_sentence(error, *words):
+    """One sentence, not a dump, that holds the words."""
+    message = str(error.value)
+    assert len(message) < 600
+    for word in words:
+        assert word in message, f"{word!r} is not in: {message}"
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"task": "sphere"}, ["task", "sphere", "circle"]),
+        ({"task": None}, ["task", "None"]),
+        ({"colour": "red"}, ["colour", "spelling"]),
+        ({"task": "reach", "radius": 0.01}, ["radius", "spelling"]),
+        ({"scene": "paper9"}, ["name", "paper9", "paper5_circle"]),
+        ({"scene": 5}, ["scene", "Scene", "5"]),
+        ({"observe": "radar"}, ["observe", "radar", "state"]),
+        ({"observe": None}, ["observe", "None"]),
+        ({"precision": "float16"}, ["precision", "float16", "float32"]),
+        ({"precision": np.float32}, ["precision", "float32"]),
+        ({"plane": "yz"}, ["plane", "yz"]),
+        ({"plane": "xy"}, ["plane", "xy"]),
+        ({"plane": 3}, ["plane", "3"]),
+        ({"axes": "yw"}, ["axes", "yw"]),
+        ({"axes": "yy"}, ["axes", "yy"]),
+        ({"axes": ""}, ["axes"]),
+        ({"axes": 2}, ["axes", "2"]),
+        ({"axes": ["y", "z"]}, ["axes", "'y', 'z'"]),
+        ({"task": "planar_reach", "axes": "yz"}, ["axes", "yz"]),
+        ({"num_elements": 0}, ["num_elements", "0"]),
+        ({"num_elements": -3}, ["num_elements", "-3"]),
+        ({"num_elements": 2.5}, ["num_elements", "2.5"]),
+        ({"num_elements": "five"}, ["num_elements", "five"]),
+        ({"num_elements": True}, ["num_elements", "True"]),
+        ({"task": "two_magnet", "num_elements": 1}, ["num_elements", "1"]),
+        ({"time_step": 1e-2}, ["time_step", "0.01", "stability"]),
+        ({"time_step": 0.0}, ["time_step", "0.0"]),
+        ({"time_step": -1e-5}, ["time_step", "-1e-05"]),
+        ({"time_step": NAN}, ["time_step", "nan"]),
+        ({"control_rate": 0.0}, ["control_rate", "0.0"]),
+        ({"control_rate": -50}, ["control_rate", "-50"]),
+        ({"control_rate": np.inf}, ["control_rate", "inf"]),
+        ({"control_rate": None}, ["control_rate", "None"]),
+        ({"actuator": None}, ["actuator", "Actuator", "None"]),
+        ({"actuator": 45e-3}, ["actuator", "Actuator", "0.045"]),
+        ({"actuator": Actuator(limit=None)}, ["limit", "None", "tesla"]),
+        ({"camera": 30.0}, ["camera", "Camera", "30.0"]),
+        ({"camera": Camera(rate=30.0)}, ["rate", "camera", "50 Hz", "30"]),
+        ({"camera": Camera(rate=100.0)}, ["rate", "camera", "50 Hz", "100"]),
+        ({"randomization": 0.1}, ["randomization", "Randomization", "0.1"]),
+        ({"randomization": {"modulus": 0.1}}, ["randomization", "Randomization"]),
+        ({"success_distance": 0.0}, ["success_distance", "0.0"]),
+        ({"success_distance": NAN}, ["success_distance", "nan"]),
+        ({"render_mode": "human"}, ["render_mode", "human", "rgb_array"]),
+        ({"num_threads": 0}, ["num_threads", "0"]),
+        ({"num_threads": -2}, ["num_threads", "-2"]),
+        ({"num_threads": 1.5}, ["num_threads", "1.5"]),
+        ({"num_threads": "all"}, ["num_threads", "all"]),
+        ({"radius": -1e-3}, ["radius", "-0.001"]),
+        ({"radius": "big"}, ["radius", "big"]),
+        ({"period": 0.0}, ["period", "0.0"]),
+        ({"period": NAN}, ["period", "nan"]),
+        ({"center_field": 7e-3}, ["center_field", "0.007"]),
+        ({"center_field": (0.0, 7e-3)}, ["center_field", "0.007"]),
+        ({"center_field": (0.0, NAN, 0.0)}, ["center_field", "nan"]),
+        ({"center_field": "up"}, ["center_field", "up"]),
+        ({"task": "path", "size": -1e-3}, ["size", "-0.001"]),
+        ({"task": "path", "path": "star"}, ["star", "figure_eight"]),
+        ({"task": "path", "path": [[0.0, 1.0, 2.0, 3.0]] * 4}, ["path", "(4, 4)"]),
+        ({"task": "path", "path": [[0.0, 0.0]]}, ["path", "(1, 2)"]),
+        ({"task": "path", "path": []}, ["path"]),
+        ({"task": "path", "path": [[0.0, NAN], [1e-3, 0.0]]}, ["path", "finite"]),
+        ({"task": "path", "path": [[0.0, 0.0], [1e-3]]}, ["path"]),
+        ({"task": "path", "path": None}, ["path"]),
+        ({"task": "reach", "reach_limit": 0.0}, ["reach_limit", "0.0"]),
+        ({"task": "reach", "reach_limit": None}, ["reach_limit", "None"]),
+        ({"task": "two_magnet", "amplitude": -5e-3}, ["amplitude", "-0.005"]),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("kind", ["single", "vector"])
+def test_bad_argument(settings, words, kind):
+    with pytest.raises(ValueError) as error:
+        MagRodEnv(**settings) if kind == "single" else MagRodVectorEnv(**settings, num_envs=2)
+    check_sentence(error, *words)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"num_envs": 0}, ["num_envs", "0"]),
+        ({"num_envs": -1}, ["num_envs", "-1"]),
+        ({"num_envs": 2.5}, ["num_envs", "2.5"]),
+        ({"max_episode_steps": 0}, ["max_episode_steps", "0"]),
+        ({"max_episode_steps": -5}, ["max_episode_steps", "-5"]),
+        ({"max_episode_steps": "long"}, ["max_episode_steps", "long"]),
+        ({"autoreset_mode": "Sometimes"}, ["autoreset_mode", "Sometimes", "SameStep"]),
+        ({"autoreset_mode": None}, ["autoreset_mode", "None", "SameStep"]),
+    ],
+    ids=str,
+)
+def test_bad_argument_of_a_batch(settings, words):
+    with pytest.raises(ValueError) as error:
+        MagRodVectorEnv("reach", **({"num_envs": 2} | settings))
+    check_sentence(error, *words)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Camera(noise=-1e-4), ["noise", "-0.0001"]),
+        (lambda: Camera(noise=NAN), ["noise", "nan"]),
+        (lambda: Camera(rate=0.0), ["rate", "0.0"]),
+        (lambda: Camera(delay=-0.1), ["delay", "-0.1"]),
+        (lambda: Camera(delay="late"), ["delay", "late"]),
+        (lambda: Randomization(modulus=-0.1), ["modulus", "-0.1"]),
+        (lambda: Randomization(modulus=1.0), ["modulus", "1.0"]),
+        (lambda: Randomization(density=NAN), ["density", "nan"]),
+        (lambda: Randomization(field_gain="much"), ["field_gain", "much"]),
+        (lambda: Randomization(field_misalignment=-0.1), ["field_misalignment", "-0.1"]),
+        (lambda: Randomization(initial_field=np.inf), ["initial_field", "inf"]),
+        (lambda: Randomization(magnet_position=None), ["magnet_position", "None"]),
+    ],
+)
+def test_bad_setting(make, words):
+    with pytest.raises(ValueError) as error:
+        make()
+    check_sentence(error, *words)
+
+
+@pytest.mark.parametrize("kind", [Camera, Randomization, Actuator])
+def test_settings_are_frozen_and_refuse_unknown_names(kind):
+    with pytest.raises(TypeError):
+        kind(colour="red")
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(kind(), dataclasses.fields(kind)[0].name, 0.1)
+
+
+def test_magnet_cannot_be_moved_off_the_rod_or_past_another():
+    """The middle magnet sits 36 mm from the tip and 49 mm from the clamp."""
+    for shift in (0.04, 0.06):
+        with pytest.raises(ValueError) as error:
+            MagRodEnv("two_magnet", randomization=Randomization(magnet_position=shift))
+        check_sentence(error, "magnet_position", str(shift))
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        [NAN, 0.0],
+        [0.0, np.inf],
+        [0.0],
+        [0.0, 0.0, 0.0],
+        0.0,
+        [[0.0, 0.0]],
+        np.zeros((2, 1)),
+        None,
+        [[0.0], [0.0, 0.0]],
+    ],
+    ids=repr,
+)
+def test_bad_action(action):
+    env = MagRodEnv("reach", num_elements=3)
+    env.reset(seed=0)
+    with pytest.raises(ValueError) as error:
+        env.step(action)
+    check_sentence(error, "action", "(2,)")
+    assert np.isfinite(env.step(np.zeros(2))[0]).all()  # and nothing happened
+
+
+@pytest.mark.parametrize(
+    ("actions", "words"),
+    [
+        ([[0.0, 0.0], [0.0, NAN]], ["finite", "environment 1"]),
+        ([[-np.inf, 0.0], [0.0, 0.0]], ["finite", "environment 0"]),
+        ([0.0, 0.0], ["(2, 2)", "(2,)"]),
+        (np.zeros((3, 2)), ["(2, 2)", "(3, 2)"]),
+        (np.zeros((2, 3)), ["(2, 2)", "(2, 3)"]),
+        (np.zeros((2, 2, 1)), ["(2, 2)", "(2, 2, 1)"]),
+        (None, ["(2, 2)"]),
+        ([[0.0], [0.0, 0.0]], ["(2, 2)"]),
+    ],
+    ids=repr,
+)
+def test_bad_actions_of_a_batch(actions, words):
+    batch, twin = (MagRodVectorEnv("reach", 2, num_elements=3) for _ in range(2))
+    batch.reset(seed=0), twin.reset(seed=0)
+    with pytest.raises(ValueError) as error:
+        batch.step(actions)
+    check_sentence(error, "actions", *words)
+    np.testing.assert_array_equal(batch.step(np.zeros((2, 2)))[0], twin.step(np.zeros((2, 2)))[0])
+
+
+@pytest.mark.parametrize(
+    "mask",
+    [
+        np.zeros(3, bool),
+        np.ones(2, bool),
+        np.ones(4, bool),
+        np.ones((3, 1), bool),
+        np.array([0, 1, 1]),
+        [True, False, True],
+        True,
+    ],
+    ids=repr,
+)
+def test_bad_reset_mask(mask):
+    """As in Gymnasium's own vector environments: a boolean array with an entry for each, and at least one True."""
+    batch = MagRodVectorEnv("reach", 3, num_elements=3)
+    batch.reset(seed=0)
+    with pytest.raises((ValueError, TypeError)) as error:
+        batch.reset(options={"reset_mask": mask})
+    check_sentence(error, "reset_mask")
+
+
+@pytest.mark.parametrize("seed", [[1, 2], [1, 2, 3, 4], []], ids=repr)
+def test_wrong_number_of_seeds(seed):
+    with pytest.raises(ValueError) as error:
+        MagRodVectorEnv("reach", 3, num_elements=3).reset(seed=seed)
+    check_sentence(error, "seed", "3", str(len(seed)))
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "one"], ids=repr)
+@pytest.mark.parametrize("kind", ["single", "vector"])
+def test_bad_seed(seed, kind):
+    env = MagRodEnv("reach", num_elements=3) if kind == "single" else MagRodVectorEnv("reach", 2, num_elements=3)
+    with pytest.raises((ValueError, gymnasium.error.Error)) as error:
+        env.reset(seed=seed)
+    check_sentence(error, "eed")
+
+
+@pytest.mark.parametrize("seed", [np.int64(4), np.uint32(4)], ids=repr)
+def test_numpy_numbers_are_seeds(seed):
+    batch = MagRodVectorEnv("reach", 2, num_elements=3)
+    np.testing.assert_array_equal(batch.reset(seed=seed)[0], batch.reset(seed=4)[0])
+
+
+def test_actions_may_be_lists_or_of_any_real_type():
+    env = MagRodEnv("reach", num_elements=3)
+    results = []
+    for action in ([1, -1], (1.0, -1.0), np.array([1, -1]), np.array([1, -1], np.float32), np.array([1, -1], np.int8)):
+        env.reset(seed=0)
+        results.append(env.step(action)[0])
+    assert all(np.array_equal(result, results[0]) for result in results)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"scene": "paper4_pdms_tip_magnet"},
+        {"scene": load_scene("paper4_pdms_tip_magnet")},
+        {"scene": load_scene("paper5_circle", modulus=2e6).replace(gravity=None)},
+        {"control_rate": 30, "time_step": 1e-5},
+        {"num_elements": np.int64(3), "success_distance": np.float32(2e-3)},
+    ],
+    ids=["name", "scene", "no gravity", "control rate", "numpy numbers"],
+)
+def test_good_arguments_are_taken(settings):
+    env = MagRodEnv("reach", **({"num_elements": 3} | settings))
+    observation, _ = env.reset(seed=0)
+    assert observation in env.observation_space
