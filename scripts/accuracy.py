@@ -356,15 +356,23 @@ def arc(report: Report) -> None:
     report.checks.append(Check("e", "arc of one element: tip", largest, 1e-9, "mm"))
 
 
-def bending_rotation(rod: Rod, element: str, elements: int) -> float:
-    """Angle of the tip over that of an exact rod, under a couple that turns it by about a milliradian."""
-    moment = 1e-3
-    magnet = Magnet.dipole(position=rod.length, moment=moment)
-    scene = Scene(rod=rod, magnets=(magnet,), gravity=(0.0, 0.0, 0.0))
-    field = 1e-3 * rod.bending_stiffness / (moment * rod.length)
+def couple_scene(rod: Rod) -> Scene:
+    """A rod that a field loads by a couple on its tip alone."""
+    return Scene(rod=rod, magnets=(Magnet.dipole(position=rod.length, moment=1e-3),), gravity=(0.0, 0.0, 0.0))
+
+
+def tip_stiffness(rod: Rod, element: str, elements: int) -> float:
+    """Bending stiffness over the true one, from a couple that turns the tip by about a milliradian."""
+    scene, flexibility = couple_scene(rod), rod.length / rod.bending_stiffness
+    field = 1e-3 / (scene.magnets[0].moment * flexibility)
     tangent = Simulation(scene, num_elements=elements, element=element).equilibrium((0.0, 0.0, field)).tangents[-1]
     angle = math.atan2(tangent[2], tangent[0])
-    return angle / (moment * field * math.cos(angle) * rod.length / rod.bending_stiffness)
+    return 1e-3 * math.cos(angle) / angle
+
+
+def first_frequency(rod: Rod, element: str, elements: int) -> float:
+    """Lowest natural frequency of the straight rod, Hz."""
+    return float(Simulation(couple_scene(rod), num_elements=elements, element=element).natural_frequencies()[0])
 
 
 def locking(report: Report, quick: bool) -> None:
@@ -385,20 +393,9 @@ def locking(report: Report, quick: bool) -> None:
     for name in tqdm(LOCKING_SCENES[:2] if quick else LOCKING_SCENES, desc="locking", leave=False):
         rod, elements = PAPER_SCENES[name].scene.rod, PAPER_SCENES[name].num_elements
         closed = nodal_stiffening(rod, elements)
-        found = 1.0 / bending_rotation(rod, "nodal", elements)
-        bare = Scene(rod=rod, gravity=(0.0, 0.0, 0.0))
-        runs = (("nodal", elements), ("helical", 40))
-        first, true = (Simulation(bare, num_elements=n, element=kind).natural_frequencies()[0] for kind, n in runs)
-        table.rows.append(
-            (
-                name,
-                elements,
-                closed,
-                found,
-                float((first / true) ** 2),
-                1.0 / bending_rotation(rod, "helical", elements),
-            )
-        )
+        found = tip_stiffness(rod, "nodal", elements)
+        squared = (first_frequency(rod, "nodal", elements) / first_frequency(rod, "helical", 40)) ** 2
+        table.rows.append((name, elements, closed, found, squared, tip_stiffness(rod, "helical", elements)))
         worst_share = max(worst_share, abs(found / closed - 1.0))
     report.show("locking", table)
     report.checks.append(Check("f", "locking factor: largest relative distance", worst_share, 0.02, ""))

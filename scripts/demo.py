@@ -66,7 +66,7 @@ def draw(results: list[Result], tracks: dict[str, tuple[np.ndarray, np.ndarray]]
     for color, (name, (tip, _)) in zip(COLORS, tracks.items()):
         left.plot(*(1e3 * tip[:, 1:].T), color=color, lw=1.2, label=name)
     left.set(xlabel="y (mm)", ylabel="z (mm)", title="one rod: path of the tip", aspect="equal")
-    left.legend(loc="upper right", fontsize=8, framealpha=0.9)
+    left.legend(loc="center", fontsize=8, frameon=False)
     for color, result in zip(COLORS, results):
         seconds = 0.02 * np.arange(1, result.errors.shape[1] + 1)
         middle.plot(seconds, 1e3 * np.median(result.errors, axis=0), color=color, label=result.name)

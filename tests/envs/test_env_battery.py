@@ -222,7 +222,7 @@ def test_vector_record_episode_statistics(name, mode):
     batch.reset(seed=0)
     every = 6 if mode == "NextStep" else 5  # the step of a next-step reset belongs to no episode
     sums, seen = np.zeros(3), 0
-    for k, actions in enumerate(scripted_actions(batch.action_space, 2 * every)):
+    for actions in scripted_actions(batch.action_space, 2 * every):
         _, rewards, _, truncated, info = batch.step(actions)
         sums += rewards
         if truncated.any():
@@ -248,10 +248,12 @@ def test_environments_do_not_disturb_each_other(name):
 
 @every_id
 def test_vector_environment_before_its_first_reset(name):
-    """As single ones under gym.make: a step or a partial reset before the first reset is refused, not answered with rubbish."""
+    """As single ones under gym.make: a step or a partial reset before the first reset is refused."""
     batch = gymnasium.make_vec(name, num_envs=2)
     with pytest.raises(gymnasium.error.ResetNeeded):
         batch.step(np.zeros(batch.action_space.shape, np.float32))
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        batch.reset(options={"reset_mask": np.array([True, False])})
     batch.close()
 
 

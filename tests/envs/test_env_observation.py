@@ -35,7 +35,7 @@ def make(task, **settings):
 
 
 def gentle_actions(env, count, seed):
-    """From the field that holds the start of this seed, slowly and a little round: keeps every entry within its bounds."""
+    """From the field that holds this seed's start, slowly and a little round: every entry stays within its bounds."""
     info = env.reset(seed=seed)[1]
     hold = info["field_applied"][["xyz".index(axis) for axis in env.core.coils.axes]] / env.core.actuator.limit
     angles = 0.15 * np.arange(1, count + 1)
@@ -163,7 +163,7 @@ def test_delayed_frames_show_the_past(delay_steps):
 @pytest.mark.parametrize("every", [2, 3, 5])
 @pytest.mark.parametrize("delay_steps", [0, 1, 4])
 def test_slow_camera_holds_its_frames(every, delay_steps):
-    """A frame every few control steps, seen `delay` after it was taken; the velocity is over the time between frames."""
+    """A frame every few control steps, seen `delay` after it was taken; velocity over the time between frames."""
     delay = delay_steps * STEP or None
     env = make("circle", camera=Camera(rate=50.0 / every, delay=delay))
     results = run(env, gentle_actions(env, 20, 0), 0)

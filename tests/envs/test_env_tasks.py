@@ -210,7 +210,7 @@ def test_unreachable_path_is_refused(settings):
     ids=lambda settings: settings["task"],
 )
 def test_targets_beyond_the_coils_are_refused(settings):
-    """A path that needs more field than the coils have cannot be followed, and would start in a field that they cannot make."""
+    """A path that needs more field than the coils have cannot be followed, nor begun."""
     with pytest.raises(ValueError, match="limit"):
         MagRodEnv(**settings, **FEW)
 
@@ -233,7 +233,7 @@ def test_axes_that_cannot_hold_the_targets_are_refused(settings):
 def test_spatial_task_in_a_plane_is_refused():
     """A planar rod cannot follow a circle across its plane, nor the coils in its plane hold one there."""
     for task, axes in (("circle", "xz"), ("circle", "yz"), ("reach", "z")):
-        with pytest.raises(ValueError, match="plane|axes"):
+        with pytest.raises(ValueError, match=r"plane|axes"):
             MagRodEnv(task, plane="xz", axes=axes, **FEW)
 
 

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 @pytest.mark.parametrize("name", IDS)
 def test_stable_baselines_check_env(name):
-    env_checker.check_env(gymnasium.make(name))
+    env_checker.check_env(gymnasium.make(name).unwrapped)
 
 
 @pytest.mark.parametrize("name", IDS)
