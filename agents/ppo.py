@@ -113,6 +113,7 @@ def make_model(args: Args, envs: BatchedVecEnv, folder: Path) -> PPO:
 def train(args: Args) -> Path:
     """Train, evaluate, and return the folder of the run."""
     torch.set_num_threads(args.torch_threads)
+    resuming = args.resume is not None
     if args.resume is not None:
         folder, progress = args.resume, args.progress
         args = load_args(folder)
@@ -141,7 +142,7 @@ def train(args: Args) -> Path:
     model.learn(
         max(args.total_steps - before, 0),
         callback=CallbackList(callbacks),
-        reset_num_timesteps=args.resume is None,
+        reset_num_timesteps=not resuming,
         tb_log_name="ppo",
     )
     rate = (model.num_timesteps - before) / (time.perf_counter() - start)

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.filterwarnings("error")
 def check_frame(frame):
     assert isinstance(frame, np.ndarray) and frame.dtype == np.uint8
     assert frame.ndim == 3 and frame.shape[2] == 3 and min(frame.shape[:2]) >= 120
-    assert len(np.unique(frame.reshape(-1, 3), axis=0)) > 20  # more than an empty background
+    assert len(np.unique(frame[::6, ::6].reshape(-1, 3), axis=0)) > 20  # more than an empty background
 
 
 @pytest.mark.parametrize("name", IDS)
