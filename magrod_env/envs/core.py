@@ -21,10 +21,11 @@ from magrod_env.rod.batch import PLANE_AXES, RodBatch
 from magrod_env.rod.equilibrium import StaticModel
 from magrod_env.rod.layout import ENERGY, make_blocks
 from magrod_env.scene import Scene
-from magrod_env.simulation import SAFETY, Simulation, check_plane, rod_values
+from magrod_env.simulation import Simulation, check_plane, rod_values
 
 REWARD_TERMS = ("tracking", "precision", "effort", "smoothness")
 OBSERVE = ("camera", "state")
+SAFETY = 0.5  # of the working bound: random, sudden fields fold a rod further than a user's run usually does
 PREVIEW = (0.04, 0.1, 0.2)  # s ahead
 
 
@@ -114,6 +115,12 @@ class SteeringCore:
             rotary=values.rotary * light,
             magnet_moments=values.magnet_moments * (1.0 + spread.remanence),
         )
+        shift = spread.magnet_position
+        if shift > 0.0 and np.diff([0.0, *values.ends]).min() <= 2.0 * shift:
+            raise ValueError(
+                f"magnet_position of the randomization must leave every magnet on its part of the rod, but got "
+                f"{shift!r} m: give less than half the distance between the magnets."
+            )
         segments = [self.scene.segment_ends.index(magnet.position) for magnet in self.scene.magnets]
         model = StaticModel(worst, self.batch.counts, segments, False, self.scene.gravity)
         damping = self.scene.internal_damping or 0.0
@@ -254,6 +261,7 @@ class SteeringCore:
             self._copy_starts(batch.rows, self._columns, which, self._starts, batch.status)
             self.commands[:, which] = self._start_fields[self._starts[which]]
         else:
+            self._draws[which, 11:14] *= np.isin(np.arange(3), self._coil_axes)  # only the coils make a field
             self._vary(which)
             self.commands[:, which] = self._start_fields[self._starts[which]] + self._draws[which, 11:14]
         self._add_travel(batch.rows, batch.travel, self.plane_axes, self._field_before)

@@ -18,7 +18,7 @@ def goal_observation(out: Any) -> dict[str, np.ndarray]:
     """Observations of all environments; positions of a diverged rod count as the clamp's."""
     achieved = out.positions.reshape(len(out.positions), -1)
     return {
-        "observation": out.observations,
+        "observation": out.observations.copy(),
         "achieved_goal": np.clip(np.nan_to_num(achieved, nan=0.0, posinf=1.0, neginf=-1.0), -1.0, 1.0),
         "desired_goal": out.goals.reshape(len(out.goals), -1).copy(),
     }
@@ -26,8 +26,8 @@ def goal_observation(out: Any) -> dict[str, np.ndarray]:
 
 def distance_reward(achieved: np.ndarray, desired: np.ndarray, success_distance: float) -> np.ndarray:
     """0 where the mean distance of the tracked points is within `success_distance` (m), else -1; (..., 3 P) each."""
-    shape = (*np.shape(achieved)[:-1], -1, 3)
-    distance = np.linalg.norm(np.reshape(achieved, shape) - np.reshape(desired, shape), axis=-1).mean(axis=-1)
+    first, second = (np.reshape(goal, (*np.shape(goal)[:-1], -1, 3)) for goal in (achieved, desired))
+    distance = np.linalg.norm(first - second, axis=-1).mean(axis=-1)
     return -(distance > success_distance).astype(np.float64)
 
 

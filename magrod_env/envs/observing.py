@@ -144,7 +144,7 @@ def bounded(value):
     """An entry of an observation: a diverged rod must not put a NaN or an infinity into a policy."""
     if not np.isfinite(value):
         return 0.0
-    return min(max(value, -10.0), 10.0)
+    return min(max(value, -100.0), 100.0)
 
 
 @jit

@@ -12,7 +12,7 @@ from magrod_env.envs.core import SteeringCore
 from magrod_env.envs.settings import Camera, Randomization
 from magrod_env.envs.tasks import Task
 from magrod_env.envs.workspace import Workspace
-from magrod_env.magnetics import Actuator, _checks
+from magrod_env.magnetics import Actuator, UniformCoils, _checks
 from magrod_env.scene import Scene
 from magrod_env.scenes import load_scene
 
@@ -53,15 +53,15 @@ def default_scene(task: str) -> Scene:
 
 
 @lru_cache(maxsize=32)
-def _make_task(task: str, scene: Scene, num_elements: int, axes: str, settings: tuple[tuple[str, Any], ...]) -> Any:
+def _make_task(
+    task: str, scene: Scene, num_elements: int, axes: str, settings: tuple[tuple[str, Any], ...]
+) -> tuple[Workspace, Task]:
     """Workspace and task of a scene; kept, since every environment of a process asks for the same few."""
     workspace, chosen = Workspace(scene, num_elements), dict(settings)
     if task == "circle":
         made = tasks.circle(workspace, **chosen)
     elif task == "path":
-        path = chosen.pop("path")
-        points = path if isinstance(path, str) else np.array(path)
-        made = tasks.named_path(workspace, points, **chosen)
+        made = tasks.named_path(workspace, chosen.pop("path"), **chosen)
     elif task == "two_magnet":
         amplitude = _checks.number("amplitude", chosen.pop("amplitude"), above=0.0, advice="give it in tesla")
         made = tasks.follow_fields(workspace, tasks.two_magnet_fields(amplitude), **chosen)
@@ -112,13 +112,42 @@ def make_core(task: str, num_envs: int, settings: dict[str, Any]) -> SteeringCor
     elif isinstance(scene, str):
         scene = load_scene(scene)
     _check_parts(scene, chosen)
+    if not scene.magnets:
+        raise ValueError("scene of an environment must have a magnet, but got none: no field would move the rod.")
+    if chosen["num_threads"] is not None:
+        chosen["num_threads"] = int(
+            _checks.count("num_threads", chosen["num_threads"], advice="give a number, or None for one a core")
+        )
+    if "center_field" in settings:
+        center = _checks.vector("center_field", settings["center_field"], advice="give a world vector in tesla")
+        settings = settings | {"center_field": center}
     num_elements = int(_checks.count("num_elements", chosen["num_elements"], advice="5 is a good start"))
     special = tuple((name, _hashable(settings.get(name, value))) for name, value in sorted(_TASKS[task].items()))
+    UniformCoils(axes=chosen["axes"])  # refuses axes that are none
     workspace, made = _make_task(task, scene, num_elements, chosen["axes"], special)
     chosen["num_elements"] = num_elements
     chosen["randomization"] = chosen["randomization"] or Randomization()
-    assert isinstance(made, Task)
+    _check_reach(task, made, chosen, settings.get("reach_limit", _TASKS[task].get("reach_limit")))
     return SteeringCore(scene, made, workspace, num_envs=num_envs, **chosen)
+
+
+def _check_reach(task: str, made: Task, chosen: dict[str, Any], reach_limit: float | None) -> None:
+    """Refuse targets that no field of the coils can hold."""
+    fields = made.fields
+    if fields is None:
+        fields = (reach_limit or 0.0) * np.array([[1.0, 0.0, 1.0] if task == "planar_reach" else [0.0, 1.0, 1.0]])
+    largest, axes = np.abs(fields).max(axis=0), chosen["axes"]
+    needed = [letter for letter, field in zip("xyz", largest) if field > 1e-9]
+    if set(needed) - set(axes):
+        raise ValueError(f"axes must hold {''.join(needed)!r} for this task, but got {axes!r}: add what is missing.")
+    if chosen["actuator"].limit is not None and largest.max() > chosen["actuator"].limit:
+        raise ValueError(
+            f"limit of the actuator must be at least {largest.max():.3g} T for this task, but got "
+            f"{chosen['actuator'].limit:.3g} T: choose stronger coils or nearer targets."
+        )
+    plane = chosen["plane"]
+    if plane in ("xy", "xz") and set(needed) - set(plane):
+        raise ValueError(f"plane must hold the targets of the task, but got {plane!r}: leave it None.")
 
 
 def _check_parts(scene: Any, chosen: dict[str, Any]) -> None:

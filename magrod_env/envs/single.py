@@ -34,7 +34,7 @@ class MagRodEnv(gymnasium.Env):
     | z (up) | z (up) | coils' limit |
 
     ## Observation Space
-    `Box(-10, 10, (size,), float32)`. P points are tracked: the magnets, from the tip inwards. L is the rod's length.
+    `Box(-100, 100, (size,), float32)`. P points are tracked: the magnets, from the tip inwards. L is the rod's length.
 
     | entries | what | unit |
     |---|---|---|
@@ -70,7 +70,7 @@ class MagRodEnv(gymnasium.Env):
     |---|---|---|
     | scene | the id's own | a `Scene` or a name for `load_scene` |
     | num_elements | 5 (two magnets: 10) | elements of the rod |
-    | time_step | None | s; None: 0.6 of the stability bound of the stiffest rod that may be drawn |
+    | time_step | None | s; None: 0.5 of the stability bound of the stiffest rod that may be drawn |
     | precision | "float64" | or "float32" |
     | plane | None (planar: "xz") | motion in space or in a plane |
     | axes | "yz" or "xz" | axes with coils, up to "xyz" |
@@ -119,6 +119,8 @@ class MagRodEnv(gymnasium.Env):
         self.observation_space = goal_space(self.core, box) if goal else box
         self.action_space = action_space_of(self.core)
         self._first = np.zeros(1, np.int64)
+        if goal:
+            self.compute_reward = self._compute_reward
         self._seeded_from: np.random.Generator | None = None
         self._painter = Painter(self.core) if render_mode == "rgb_array" else None
 
@@ -136,7 +138,10 @@ class MagRodEnv(gymnasium.Env):
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control step."""
-        array = np.asarray(action, np.float64)
+        try:
+            array = np.asarray(action, np.float64)
+        except (TypeError, ValueError):
+            array = np.array(np.nan)
         if array.shape != self.action_space.shape or not np.isfinite(array).all():
             raise ValueError(
                 f"action must be finite of shape {self.action_space.shape}, but got {action!r}: "
@@ -150,7 +155,7 @@ class MagRodEnv(gymnasium.Env):
             self._painter.follow(self._out)
         return self._observation(), float(reward), bool(info["diverged"]), False, info
 
-    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
+    def _compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
         """Sparse reward of any pair of goals, (3 P,) or (batch, 3 P) m: 0 within `success_distance`, else -1."""
         return distance_reward(np.asarray(achieved_goal), np.asarray(desired_goal), self.success_distance)
 
@@ -161,6 +166,8 @@ class MagRodEnv(gymnasium.Env):
 
     def _info(self, action: np.ndarray | None) -> dict[str, Any]:
         info = self.core.info(self._out, action, self.success_distance)
+        if self.goal:
+            info = {name: value for name, value in info.items() if not name.startswith("reward_")}
         return {name: value[0].item() if value.ndim == 1 else value[0] for name, value in info.items()}
 
     def render(self) -> np.ndarray | None:

@@ -42,7 +42,10 @@ def follow_path(
         ValueError: if a point is out of reach, the shape is wrong or the period is not above 0.
     """
     period = _checks.number("period", period, above=0.0, advice="give the time of one round in seconds")
-    array = np.asarray(points, float)
+    try:
+        array = np.asarray(points, float)
+    except (TypeError, ValueError):
+        array = np.full((0,), np.nan)
     if array.ndim != 2 or array.shape[0] < 2 or array.shape[1] not in (2, 3) or not np.isfinite(array).all():
         raise ValueError(
             f"{name} must be finite points of shape (M, 2) or (M, 3), but got shape {array.shape}: M >= 2."

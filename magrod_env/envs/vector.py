@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
@@ -14,7 +15,7 @@ from magrod_env.envs.options import make_core
 from magrod_env.envs.pictures import Painter
 from magrod_env.magnetics import _checks
 
-OBSERVATION_BOUND = 10.0
+OBSERVATION_BOUND = 100.0
 
 
 def action_space_of(core: Any) -> spaces.Box:
@@ -61,7 +62,17 @@ class MagRodVectorEnv(VectorEnv):
     ) -> None:
         self.num_envs = int(_checks.count("num_envs", num_envs, advice="give the number of environments"))
         self.core = make_core(task, self.num_envs, settings)
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        try:
+            self.autoreset_mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            raise ValueError(
+                f"autoreset_mode must be one of {', '.join(mode.value for mode in AutoresetMode)}, "
+                f"but got {autoreset_mode!r}: choose one of them."
+            ) from None
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f'render_mode must be None or "rgb_array", but got {render_mode!r}: choose one of them.')
+        if max_episode_steps is not None:
+            max_episode_steps = int(_checks.count("max_episode_steps", max_episode_steps, advice="or None for never"))
         self.metadata = {
             "render_modes": ["rgb_array"],
             "render_fps": self.core.control_rate,
@@ -77,7 +88,7 @@ class MagRodVectorEnv(VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._over = np.zeros(self.num_envs, bool)
-        self._seeded = False
+        self._seeded = np.zeros(self.num_envs, bool)
         self._painter = Painter(self.core) if render_mode == "rgb_array" else None
 
     def reset(
@@ -89,27 +100,46 @@ class MagRodVectorEnv(VectorEnv):
             seed: s seeds environment i with s + i; a list gives each its own; None goes on with the present streams.
             options: {"reset_mask": (num_envs,) bool} resets only some environments.
         """
-        seeds = self._seeds(seed)
-        if seeds is not None:
-            self.core.seed_all(seeds)
         mask = None if options is None else options.get("reset_mask")
+        if mask is not None:
+            self._need_reset()
+            shape = (self.num_envs,)
+            if not (isinstance(mask, np.ndarray) and mask.shape == shape and mask.dtype == bool and mask.any()):
+                raise ValueError(
+                    f"reset_mask must be a boolean array of shape ({self.num_envs},) with a True, but got {mask!r}: "
+                    "mark the environments to reset."
+                )
         which = np.arange(self.num_envs) if mask is None else np.flatnonzero(np.asarray(mask))
+        self._seed(seed, which)
         if mask is None:
             self._out = self.core.new_outcome()
         else:
             self._out = type(self._out)(*(array.copy() for array in self._out))
         self.core.reset(which, self._out)
         self._over[which] = False
-        return self._observation(self._out), self._info(self._out, None)
+        chosen = np.zeros(self.num_envs, bool)
+        chosen[which] = True
+        return self._observation(self._out), self._info(self._out, None, chosen)
 
-    def _seeds(self, seed: int | list[int | None] | None) -> list[int | None] | None:
-        if seed is None:
-            if self._seeded:
-                return None
-            seed = int(np.random.SeedSequence().entropy % 2**31)  # type: ignore[operator]
-        self._seeded = True
+    def _need_reset(self) -> None:
+        if not self._seeded.all():
+            raise ResetNeeded("environment must be reset before its first step, but was not: call reset().")
+
+    def _seed(self, seed: int | list[int | None] | None, which: np.ndarray) -> None:
+        """Seed the environments `which`: as given, else anew those that never were."""
+        given = [None] * self.num_envs if seed is None else self._seeds(seed)
+        entropy = np.random.SeedSequence().generate_state(self.num_envs)
+        seeds: list[int | None] = [None] * self.num_envs
+        for i in which:
+            seeds[i] = given[i] if given[i] is not None or self._seeded[i] else int(entropy[i])
+        self._seeded[which] = True
+        self.core.seed_all(seeds)
+
+    def _seeds(self, seed: int | list[int | None]) -> list[int | None]:
         if isinstance(seed, (int, np.integer)):
             return [int(seed) + i for i in range(self.num_envs)]
+        if not hasattr(seed, "__len__"):
+            raise ValueError(f"seed must be a whole number or {self.num_envs} of them, but got {seed!r}: give one.")
         if len(seed) != self.num_envs:
             raise ValueError(
                 f"seed must be one number or {self.num_envs}, but got {len(seed)}: one for each environment."
@@ -118,18 +148,21 @@ class MagRodVectorEnv(VectorEnv):
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """One control step of every environment."""
+        self._need_reset()
         actions = self._checked(actions)
         fresh = self._over.copy() if self.autoreset_mode == AutoresetMode.NEXT_STEP else np.zeros(self.num_envs, bool)
         out = self.core.new_outcome()
+        streams = self.core.episodes.streams[fresh]
         self.core.step(actions, out)
         if fresh.any():
+            self.core.episodes.streams[fresh] = streams
             self.core.reset(np.flatnonzero(fresh), out)
         terminated = (self.core.batch.status != 0) & ~fresh
         truncated = np.zeros(self.num_envs, bool)
         if self.max_episode_steps is not None:
             truncated = (self.core.episodes.steps >= self.max_episode_steps) & ~fresh
         self._over = terminated | truncated
-        info = self._info(out, actions)
+        info = self._info(out, np.where(fresh[:, None], 0.0, actions))
         rewards = sparse_reward(out, self.success_distance) if self.goal else out.rewards
         rewards = np.where(fresh, 0.0, rewards)
         self._out = out
@@ -161,7 +194,10 @@ class MagRodVectorEnv(VectorEnv):
         }
 
     def _checked(self, actions: Any) -> np.ndarray:
-        array = np.asarray(actions, np.float64)
+        try:
+            array = np.asarray(actions, np.float64)
+        except (TypeError, ValueError):
+            array = np.array(np.nan)
         if array.shape != self.action_space.shape:
             raise ValueError(
                 f"actions must have shape {self.action_space.shape}, but got {array.shape}: one row an environment."
@@ -174,11 +210,14 @@ class MagRodVectorEnv(VectorEnv):
         return array
 
     def _observation(self, out: Any) -> Any:
-        return goal_observation(out) if self.goal else out.observations
+        return goal_observation(out) if self.goal else out.observations.copy()
 
-    def _info(self, out: Any, actions: np.ndarray | None) -> dict[str, Any]:
+    def _info(self, out: Any, actions: np.ndarray | None, chosen: np.ndarray | None = None) -> dict[str, Any]:
         info = self.core.info(out, actions, self.success_distance)
-        return info | {f"_{name}": np.ones(self.num_envs, bool) for name in info}
+        if self.goal:
+            info = {name: value for name, value in info.items() if not name.startswith("reward_")}
+        chosen = np.ones(self.num_envs, bool) if chosen is None else chosen
+        return info | {f"_{name}": chosen.copy() for name in info}
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """A frame of every environment, (height, width, 3) uint8 each; None without a render mode."""

@@ -76,8 +76,9 @@ def shock_factor(block, layout: Layout, terms: Terms, field_magnitude: float) ->
     """How much a sudden field of ``field_magnitude`` T raises the highest frequency of the rod.
 
     The field turns a magnet's section before its neighbours move: to twice the angle at which its elements hold it, so
-    d = 2 m B/k with k = sum of GA* h/4 + EI/h. A turned element is shorter than its chord by a part of d^2, and its axial
-    stiffness then adds at most EA h d^2/8 to k: the frequency grows by at most sqrt(1 + EA h d^2/(8 k)) (docs/physics.md).
+    d = 2 m B/k with k = sum of GA* h/4 + EI/h. A turned element is shorter than its chord by a part of d^2, and its
+    axial stiffness then adds at most EA h d^2/8 to k: the frequency grows by at most sqrt(1 + EA h d^2/(8 k))
+    (docs/physics.md).
     """
     rows = block.reshape(-1, len(terms.lanes))[:, 0]
     worst = 0.0

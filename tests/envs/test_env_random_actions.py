@@ -5,6 +5,7 @@ import pytest
 from rollouts import EVERYTHING_VARIES
 
 from magrod_env.envs import MagRodVectorEnv
+from magrod_env.envs.vector import OBSERVATION_BOUND
 from magrod_env.registration import IDS
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -53,5 +54,5 @@ def test_no_entry_of_an_observation_is_often_cut_off(name):
     for _ in range(60):
         observations = batch.step(random.uniform(-1.0, 1.0, batch.action_space.shape))[0]
         values = observations["observation"] if isinstance(observations, dict) else observations
-        cut.append(np.abs(values) >= 10.0)
+        cut.append(np.abs(values) >= OBSERVATION_BOUND)
     assert np.mean(cut, axis=(0, 1)).max() < 0.02
