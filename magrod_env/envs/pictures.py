@@ -9,7 +9,6 @@ import numpy as np
 from magrod_env.rod.layout import PLANAR, SPATIAL
 
 TRACE = 100  # positions of the tip that a frame shows
-ONE_ROUND = 1e-9
 
 
 class Painter:
