@@ -46,11 +46,18 @@ TRY_INSTALLED = """
 import importlib.util, sys
 import gymnasium, magrod_env
 assert "site-packages" in magrod_env.__file__, magrod_env.__file__
-env = gymnasium.make("MagRod/Circle-v0")
-env.reset(seed=0)
-env.step(env.action_space.sample())
-env.close()
-for name in ["torch", "stable_baselines3", "matplotlib", "agents", "scripts"]:
+from magrod_env.envs import Randomization
+everything = Randomization(modulus=0.1, field_misalignment=0.05, gravity_direction=0.05)
+for env_id, settings in [
+    ("MagRod/Circle-v0", {}),
+    ("MagRod/Circle-v0", {"randomization": everything}),
+    ("MagRod/PlanarReach-v0", {"randomization": everything}),
+]:
+    env = gymnasium.make(env_id, **settings)
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    env.close()
+for name in ["torch", "stable_baselines3", "matplotlib", "scipy", "agents", "scripts"]:
     assert name not in sys.modules, name
     assert importlib.util.find_spec(name) is None, name
 """

@@ -85,8 +85,22 @@ def rotation_of(vector):
     if angle == 0.0:
         return out
     x, y, z = vector[0] / angle, vector[1] / angle, vector[2] / angle
+    sine, versine = np.sin(angle), 1.0 - np.cos(angle)
     hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return out + np.sin(angle) * hat + (1.0 - np.cos(angle)) * (hat @ hat)
+    axis = (x, y, z)
+    for j in range(3):
+        for k in range(3):
+            out[j, k] += sine * hat[j, k] + versine * (axis[j] * axis[k] - (1.0 if j == k else 0.0))
+    return out
+
+
+@jit
+def turned(matrix, vector):
+    """``matrix @ vector`` in three dimensions; numba's own product would need SciPy."""
+    out = np.zeros(3)
+    for j in range(3):
+        out[j] = matrix[j, 0] * vector[0] + matrix[j, 1] * vector[1] + matrix[j, 2] * vector[2]
+    return out
 
 
 @jit
@@ -131,7 +145,7 @@ def tilted(gravity, draw):
     first = np.cross(along, helper)
     first /= np.sqrt((first**2).sum())
     second = np.cross(along, first)
-    return rotation_of(draw[9] * (np.cos(draw[10]) * first + np.sin(draw[10]) * second)) @ gravity
+    return turned(rotation_of(draw[9] * (np.cos(draw[10]) * first + np.sin(draw[10]) * second)), gravity)
 
 
 @jit
@@ -149,7 +163,7 @@ def make_rods(rows, making, planar, scratch, episodes, which, starts, draws, sta
         turn = rotation_of(draw[6:9])
         episodes.mixing[i] = draw[5] * turn
         episodes.unmixing[i] = turn.T / draw[5]
-        field = episodes.mixing[i] @ (making.fields[starts[i]] + draw[11:14])
+        field = turned(episodes.mixing[i], making.fields[starts[i]] + draw[11:14])
         if planar is not None:
             pull[3 - plane], field[3 - plane] = 0.0, 0.0
         for lane in range(8):
@@ -180,7 +194,7 @@ def write_lane(rows, making, planar, i, rod, pull, field, drag):
     moments = np.zeros_like(rod.magnet_moments)
     for k in range(3):
         moments[:, k] = rod.magnet_moments[:, axes[k]]
-    turned = RodValues(
+    values = RodValues(
         rod.ends,
         rod.axial,
         rod.shear,
@@ -191,7 +205,7 @@ def write_lane(rows, making, planar, i, rod, pull, field, drag):
         rod.magnet_masses,
         moments,
     )
-    write_rod(rows[block], lane, making.layout, making.counts, turned, planar, None)
+    write_rod(rows[block], lane, making.layout, making.counts, values, planar, None)
     for k in range(3):
         rows[block, GRAVITY + k, lane] = pull[axes[k]]
         for first in (FIELD, REFERENCE, TARGET):
