@@ -86,6 +86,7 @@ class SteeringCore:
             internal_damping=scene.internal_damping,
             slew=actuator.slew_limit is not None,
             lag=actuator.lag is not None,
+            turned=actuator.slew_limit is not None and randomization.active,
             num_threads=num_threads,
         )
         self._observe_all, self._observe_some = Bound(observe_all), Bound(observe_some)
@@ -189,6 +190,8 @@ class SteeringCore:
             mixing=np.tile(np.eye(3), (envs, 1, 1)),
             unmixing=np.tile(np.eye(3), (envs, 1, 1)),
         )
+        turned = self.batch.terms.turned is not None  # then the kernel mixes, behind the slew limit
+        self._command_mixing = np.tile(np.eye(3), (envs, 1, 1)) if turned else self.episodes.mixing
         self.commands = np.zeros((self.late_controls + 2, envs, 3))  # the newest first
         self._field_before = np.zeros((envs, 3))
         self._starts = np.zeros(envs, np.int64)
@@ -306,7 +309,7 @@ class SteeringCore:
 
     def _send(self, commands: np.ndarray) -> None:
         self._write_commands(
-            self.batch.rows, commands, self.episodes.mixing, self.plane_axes, self.num_envs, self.follows
+            self.batch.rows, commands, self._command_mixing, self.plane_axes, self.num_envs, self.follows
         )
 
     def _count_travel(self) -> None:

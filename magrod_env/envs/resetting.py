@@ -163,7 +163,8 @@ def make_rods(rows, making, planar, scratch, episodes, which, starts, draws, sta
         turn = rotation_of(draw[6:9])
         episodes.mixing[i] = draw[5] * turn
         episodes.unmixing[i] = turn.T / draw[5]
-        field = turned(episodes.mixing[i], making.fields[starts[i]] + draw[11:14])
+        command = making.fields[starts[i]] + draw[11:14]
+        field = turned(episodes.mixing[i], command)
         if planar is not None:
             pull[3 - plane], field[3 - plane] = 0.0, 0.0
         for lane in range(8):
@@ -182,6 +183,7 @@ def make_rods(rows, making, planar, scratch, episodes, which, starts, draws, sta
             rotations,
         )
         write_lane(rows, making, planar, i, rod, pull, field, making.drag * draw[2])
+        write_drive(rows, making, planar, i, command, episodes.mixing[i])
         write_shape(rows, making, planar, i, positions, rotations)
         status[i] = 0
 
@@ -213,6 +215,20 @@ def write_lane(rows, making, planar, i, rod, pull, field, drag):
     rows[block, DRAG, lane] = drag
     rows[block, LEAST_COSINE, lane] = 1.0
     rows[block, ENERGY, lane] = np.inf  # the watchdog takes what it sees first
+
+
+@jit
+def write_drive(rows, making, planar, i, command, mixing):
+    """For turned coils behind a slew limit: command, reference and mixing of rod ``i`` in the coils' own frame."""
+    if making.layout.mixing == making.layout.history:
+        return
+    block, lane = i // rows.shape[2], i % rows.shape[2]
+    axes = (0, 1, 2) if planar is None else (0, making.plane, 3 - making.plane)
+    for k in range(3):
+        rows[block, REFERENCE + k, lane] = command[axes[k]]
+        rows[block, TARGET + k, lane] = command[axes[k]]
+        for j in range(3):
+            rows[block, making.layout.mixing + 3 * k + j, lane] = mixing[axes[k], axes[j]]
 
 
 @jit

@@ -54,6 +54,7 @@ class RodBatch:
         internal_damping: float | None,
         slew: bool = False,
         lag: bool = False,
+        turned: bool = False,
         num_threads: int | None = None,
     ):
         def present(flag):
@@ -74,6 +75,7 @@ class RodBatch:
             internal_damping=present(internal_damping is not None),
             slew=present(slew),
             lag=present(lag),
+            turned=present(turned),
         )
         self.layout = make_layout(num_elements, tuple(int(ends[s]) for s in magnet_segments), self.terms)
         self.node_rows = SPATIAL if plane is None else PLANAR

@@ -60,6 +60,7 @@ class Terms(NamedTuple):
     internal_damping: Present | None = None
     slew: Present | None = None
     lag: Present | None = None
+    turned: Present | None = None  # coils with a slew limit, turned against the world or of another gain
 
 
 class Layout(NamedTuple):
@@ -70,6 +71,7 @@ class Layout(NamedTuple):
     magnets: int  # first row of the magnets: 3 a magnet, dipole moment in the body frame (A m^2)
     nodes: int
     elements: int
+    mixing: int  # 9, from the coils' reference to the field, row by row, where the coils are turned
     history: int  # last kick of velocity and momentum a node, where there is internal damping
     size: int
 
@@ -86,9 +88,10 @@ def make_layout(num_elements: int, magnet_nodes: tuple[int, ...], terms: Terms) 
     magnets = ROD_ROWS
     nodes = magnets + 3 * len(magnet_nodes)
     elements = nodes + node_rows * (num_elements + 1)
-    history = elements + ELEMENT_ROWS * num_elements
+    mixing = elements + ELEMENT_ROWS * num_elements
+    history = mixing + (0 if terms.turned is None else 9)
     size = history + (0 if terms.internal_damping is None else motion * (num_elements + 1))
-    return Layout(num_elements, magnet_nodes, magnets, nodes, elements, history, size)
+    return Layout(num_elements, magnet_nodes, magnets, nodes, elements, mixing, history, size)
 
 
 def make_blocks(num_rods: int, layout: Layout, terms: Terms, dtype) -> np.ndarray:

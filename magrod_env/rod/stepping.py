@@ -25,7 +25,7 @@ from magrod_env.rod.loads import (
 )
 from magrod_env.rod.planar import planar_free_rotation
 from magrod_env.rod.rotation import free_rotation
-from magrod_env.rod.so3 import add, add_scaled, scale
+from magrod_env.rod.so3 import add, add_scaled, rotate, scale
 
 
 @inline_jit
@@ -166,19 +166,32 @@ def kick_and_drift(block, layout, terms, planar, nodal, gradient, internal_dampi
 
 
 @inline_jit
-def approach_field(block, terms, blend, largest_change):
-    """Coils over half a step: slew-limited reference towards the target, field towards the reference with a lag."""
+def approach_target(block, axis, terms, largest_change):
+    """What the drive asks of one axis after half a step: the target, or the slew-limited reference on its way there."""
+    goal = load(block, TARGET + axis, terms.lanes)
+    if terms.slew is not None:
+        reference = load(block, REFERENCE + axis, terms.lanes)
+        goal = reference + minimum(maximum(goal - reference, -largest_change), largest_change)
+        store(block, REFERENCE + axis, goal, terms.lanes)
+    return goal
+
+
+@inline_jit
+def approach_field(block, layout, terms, blend, largest_change):
+    """Coils over half a step: the slew limit acts on each coil, then the field follows with a lag."""
     lanes = terms.lanes
-    for axis in range(3):
-        goal = load(block, TARGET + axis, lanes)
-        if terms.slew is not None:
-            reference = load(block, REFERENCE + axis, lanes)
-            goal = reference + minimum(maximum(goal - reference, -largest_change), largest_change)
-            store(block, REFERENCE + axis, goal, lanes)
-        if terms.lag is not None:
-            field = load(block, FIELD + axis, lanes)
-            goal = field + blend * (goal - field)
-        store(block, FIELD + axis, goal, lanes)
+    goal = (
+        approach_target(block, 0, terms, largest_change),
+        approach_target(block, 1, terms, largest_change),
+        approach_target(block, 2, terms, largest_change),
+    )
+    if terms.turned is not None:
+        row = layout.mixing
+        goal = rotate((load3(block, row, lanes), load3(block, row + 3, lanes), load3(block, row + 6, lanes)), goal)
+    if terms.lag is not None:
+        field = load3(block, FIELD, lanes)
+        goal = add_scaled(field, blend, add_scaled(goal, -1.0, field))
+    store3(block, FIELD, goal, lanes)
 
 
 @inline_jit
@@ -204,11 +217,11 @@ def run_block(
         if fields is not None:
             store3(block, FIELD, load3(fields[step], 0, terms.lanes), terms.lanes)
         if terms.slew is not None or terms.lag is not None:
-            approach_field(block, terms, blend, largest_change)
+            approach_field(block, layout, terms, blend, largest_change)
         drift_step = time_step if step + 1 < num_steps else 0.5 * time_step
         kick_and_drift(block, layout, terms, planar, nodal, gradient, internal_damping, drift_step, brakes)
         if terms.slew is not None or terms.lag is not None:
-            approach_field(block, terms, blend, largest_change)
+            approach_field(block, layout, terms, blend, largest_change)
 
 
 @jit

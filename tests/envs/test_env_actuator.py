@@ -228,6 +228,19 @@ def test_coil_sensors_see_the_command_not_the_misaligned_field():
         assert np.all(np.abs(info["field_applied"][:, 1:] / LIMIT - np.clip(actions, -1, 1)).max(axis=1) > 1e-3)
 
 
+def test_slew_limit_belongs_to_the_coils_not_to_the_world():
+    """Behind misaligned coils of another gain, the coils' own sensors still see the closed form of the ramp."""
+    slew = 0.5
+    batch = misaligned(16, actuator=Actuator(slew_limit=slew))
+    batch.reset(seed=0)
+    seen = np.zeros((16, 2))
+    for actions in scripted_actions(batch.action_space, 6, overdrive=1.0):
+        now = batch.step(actions)[0][:, 6:8].astype(float)
+        want = seen + np.clip(actions - seen, -slew * STEP / LIMIT, slew * STEP / LIMIT)
+        np.testing.assert_allclose(now, want, rtol=0, atol=1e-6)  # observations are float32
+        seen = now
+
+
 def test_initial_field_is_seen_and_bounded():
     """The field of a start lies within the spread about the nominal one, on every axis, and in the observation."""
     spread = Randomization(initial_field=3e-3)
