@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from magrod_env.magnetics import _checks
+from magrod_env.resolution import Resolution, choose_resolution
 from magrod_env.rod.batch import PLANE_AXES, RodBatch
 from magrod_env.rod.energy import BENT, ENERGETIC, NOT_FINITE, STRETCHED
 from magrod_env.rod.equilibrium import LoadCase, StaticModel
 from magrod_env.rod.layout import LEAST_COSINE
-from magrod_env.rod.mesh import RodValues, arc_lengths
+from magrod_env.rod.mesh import arc_lengths
 from magrod_env.rod.stability import angular_frequencies
 from magrod_env.scene import Scene
+from magrod_env.values import check_plane, rod_values, scaled_spin_drag, shaped
 
 ELEMENTS = ("helical", "nodal")
 PRECISIONS = ("float64", "float32")
 SAFETY = 0.6  # of the bound, for a step that the user leaves to us: field steps ring and bends shift the bound
-EXPECTED_FIELD = 45e-3  # T: the limit of the paper's coils; the default step allows for it, suddenly turned on
+NUM_ELEMENTS = 6  # where nothing is said
+EXPECTED_FIELD = 45e-3  # T: the limit of the paper's coils
 WATCH_EVERY = 256  # steps
 
 Field = ArrayLike | Callable[[float], ArrayLike] | None
@@ -44,40 +48,6 @@ _SYMPTOMS = {
 }
 
 
-def rod_values(scene: Scene) -> tuple[RodValues, tuple[int, ...]]:
-    """The kernels' view of a scene: its values, and the segment at whose end each magnet sits."""
-    rod, ends = scene.rod, scene.segment_ends
-    values = RodValues(
-        ends=np.array(ends),
-        axial=rod.axial_stiffness,
-        shear=rod.shear_stiffness,
-        bending=rod.bending_stiffness,
-        torsion=rod.torsional_stiffness,
-        mass_per_length=rod.mass_per_length,
-        rotary=rod.rotary_inertia_per_length,
-        magnet_masses=np.array([magnet.mass for magnet in scene.magnets] or [0.0]),
-        magnet_moments=np.array([magnet.dipole_moment for magnet in scene.magnets] or [np.zeros(3)]),
-    )
-    return values, tuple(ends.index(magnet.position) for magnet in scene.magnets)
-
-
-def check_plane(scene: Scene, plane: str | None) -> None:
-    """Refuse a scene whose loads leave the plane."""
-    if plane is None:
-        return
-    if plane not in ("xy", "xz"):
-        raise ValueError(f'plane must be "xy", "xz" or None for motion in space, but got {plane!r}: choose one.')
-    across = ({0, 1, 2} - set(PLANE_AXES[plane])).pop()
-    for what, vector in [("gravity", scene.gravity or (0, 0, 0))] + [
-        ("direction of a magnet", magnet.direction) for magnet in scene.magnets
-    ]:
-        if vector[across] != 0.0:
-            raise ValueError(
-                f"{what} must lie in the plane {plane!r} of a planar simulation, but got {vector!r}: "
-                "turn it into the plane, or leave plane=None."
-            )
-
-
 class Simulation:
     """A batch of equal rods under their own fields, stepped in time.
 
@@ -87,11 +57,18 @@ class Simulation:
     Args:
         scene: what is simulated.
         num_rods: rods in the batch.
-        num_elements: elements along each rod; a node sits at every magnet.
+        num_elements: elements along each rod; a node sits at every magnet. None takes 6.
         element: "helical" (default: exact for uniform strain) or "nodal" (the paper's, which locks in shear).
-        time_step: s; None takes 0.6 of the bound in a sudden field of 45 mT, straight or sagging under twice gravity.
+        time_step: s; None takes 0.6 of the bound in a sudden `expected_field`, straight or sagging under twice gravity.
+        tolerance: RMS error of the tip, m, over two seconds from the straight rod in fields up to `expected_field` that
+            change smoothly or in small steps. Pilot runs of the scene (0.2 s to some 10 s, once a process) then choose
+            `num_elements`, `time_step`, `axial_softening` and `rotary_scaling`; see `resolution`.
+        expected_field: magnitude, T, of the strongest field that is likely.
         precision: "float64" or "float32".
         plane: None for motion in space; "xz" or "xy" computes motion in that plane only: the same result at less cost.
+        axial_softening: divides the axial stiffness EA, and
+        rotary_scaling: multiplies the rotary inertia of the sections, both at least 1 and None for 1: conditioning of
+            stiff modes that allows longer steps at an error to be weighed (docs/physics.md). Bending stays as it is.
         frequency_shaping: with element="nodal", divide E by the locking factor 1 + GA h^2/(4 EI), h = length/elements.
         on_failure: "raise" SimulationDiverged after a step that a rod did not survive, or only "report" it in `status`.
         num_threads: threads that share the batch; None for one a core.
@@ -105,11 +82,15 @@ class Simulation:
         scene: Scene,
         *,
         num_rods: int = 1,
-        num_elements: int = 6,
+        num_elements: int | None = None,
         element: str = "helical",
         time_step: float | None = None,
+        tolerance: float | None = None,
+        expected_field: float = EXPECTED_FIELD,
         precision: str = "float64",
         plane: str | None = None,
+        axial_softening: float | None = None,
+        rotary_scaling: float | None = None,
         frequency_shaping: bool = False,
         on_failure: str = "raise",
         num_threads: int | None = None,
@@ -117,7 +98,6 @@ class Simulation:
         if not isinstance(scene, Scene):
             raise ValueError(f"scene must be a Scene, but got {scene!r}: build one or use load_scene(name).")
         num_rods = int(_checks.count("num_rods", num_rods, advice="give the number of rods in the batch"))
-        num_elements = int(_checks.count("num_elements", num_elements, advice="6 is a good start"))
         _check_choice("element", element, ELEMENTS)
         _check_choice("precision", precision, PRECISIONS)
         _check_choice("on_failure", on_failure, ("raise", "report"))
@@ -127,11 +107,21 @@ class Simulation:
                 'internal_damping must be None with element="nodal", which the paper has without it, '
                 f'but got {scene.internal_damping!r}: use element="helical".'
             )
-        self.scene, self.num_rods, self.num_elements, self.element = scene, num_rods, num_elements, element
+        self.scene, self.num_rods, self.element = scene, num_rods, element
         self.precision, self.plane, self.on_failure = precision, plane, on_failure
-        self._values, segments = rod_values(scene)
+        self.expected_field = checked_expected_field(expected_field)
+        resolution = checked_resolution(num_elements, time_step, axial_softening, rotary_scaling, tolerance)
+        if tolerance is not None:
+            if element == "nodal" or frequency_shaping:
+                raise ValueError(
+                    'tolerance must be None with element="nodal", which locks, but got '
+                    f'{tolerance!r}: use element="helical", or give num_elements.'
+                )
+            resolution = resolution_for(scene, float(tolerance), plane, self.expected_field)
+        self.num_elements = num_elements = resolution.num_elements
+        self._values, segments = rod_values(scene, resolution.axial_softening, resolution.rotary_scaling)
         if frequency_shaping:
-            self._values = _shaped(self._values, element, num_elements)
+            self._values = shaped(self._values, element, num_elements)
         self._batch = RodBatch(
             self._values,
             segments,
@@ -142,14 +132,15 @@ class Simulation:
             plane=plane,
             gravity=scene.gravity,
             drag_rate=scene.drag_rate,
-            spin_drag_rate=scene.spin_drag_rate,
+            spin_drag_rate=scaled_spin_drag(scene, resolution.rotary_scaling),
             internal_damping=scene.internal_damping,
             num_threads=num_threads,
         )
         self._static = StaticModel(self._values, self._batch.counts, segments, element == "nodal", scene.gravity)
         self._time = self._safe_field = 0.0
         self._field, self._gradient = np.zeros((num_rods, 3)), np.zeros((num_rods, 3, 3))
-        self.time_step = self._checked_step(time_step)
+        self.time_step = self._checked_step(resolution.time_step)
+        self.resolution = dataclasses.replace(resolution, time_step=self.time_step)
         self.reset()
 
     # ---- the time step
@@ -166,7 +157,7 @@ class Simulation:
     def _checked_step(self, time_step: float | None) -> float:
         if time_step is None:
             return SAFETY * self._static.working_time_step(
-                EXPECTED_FIELD if self.scene.magnets else 0.0, self.plane, self.scene.internal_damping or 0.0
+                self.expected_field if self.scene.magnets else 0.0, self.plane, self.scene.internal_damping or 0.0
             )
         step = _checks.number("time_step", time_step, above=0.0, advice="give it in seconds, or None for a stable one")
         if step > self.stable_time_step:
@@ -557,20 +548,57 @@ def _check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
         )
 
 
-def _shaped(values: RodValues, element: str, num_elements: int) -> RodValues:
-    """Values with E divided by the locking factor of the paper's element (every stiffness is proportional to E)."""
-    if element != "nodal":
-        raise ValueError(
-            f"frequency_shaping must be False with element={element!r}, which does not lock: "
-            'use it with element="nodal".'
-        )
-    h = values.ends[-1] / num_elements
-    factor = 1.0 / (1.0 + values.shear * h**2 / (4.0 * values.bending))
-    return values._replace(
-        axial=values.axial * factor,
-        shear=values.shear * factor,
-        bending=values.bending * factor,
-        torsion=values.torsion * factor,
+def checked_expected_field(value: Any) -> float:
+    """The strongest field that is likely, T; ValueError where it is none."""
+    return _checks.number("expected_field", value, at_least=0.0, advice="give its magnitude in tesla, 45 mT is 45e-3")
+
+
+def checked_resolution(
+    num_elements: Any, time_step: Any, axial_softening: Any, rotary_scaling: Any, tolerance: Any
+) -> Resolution:
+    """What the user has said about the resolution; with a tolerance, nothing else may be said.
+
+    Raises:
+        ValueError: on a number out of range, or a tolerance beside another choice.
+    """
+    given = {
+        "num_elements": num_elements,
+        "time_step": time_step,
+        "axial_softening": axial_softening,
+        "rotary_scaling": rotary_scaling,
+    }
+    if tolerance is not None:
+        _checks.number("tolerance", tolerance, above=0.0, advice="give the tip's RMS error in metres, 0.1 mm is 1e-4")
+        for name, value in given.items():
+            if value is not None:
+                raise ValueError(
+                    f"{name} must be None beside a tolerance, which chooses it, but got {value!r}: give one of them."
+                )
+        return Resolution(num_elements=NUM_ELEMENTS)
+    count = NUM_ELEMENTS if num_elements is None else num_elements
+    advice = "1 leaves the rod as it is; larger allows longer steps"
+    return Resolution(
+        num_elements=int(_checks.count("num_elements", count, advice="6 is a good start")),
+        time_step=time_step,
+        **{
+            name: 1.0 if given[name] is None else _checks.number(name, given[name], at_least=1.0, advice=advice)
+            for name in ("axial_softening", "rotary_scaling")
+        },
+    )
+
+
+@lru_cache(maxsize=64)
+def resolution_for(
+    scene: Scene, tolerance: float, plane: str | None, expected_field: float, hanging: bool = False
+) -> Resolution:
+    """What a tolerance asks for; kept, since a process that asks once often asks again (see `choose_resolution`)."""
+    return choose_resolution(
+        partial(Simulation, scene, plane=plane, expected_field=expected_field, on_failure="report"),
+        tolerance=tolerance,
+        least_elements=len(scene.segment_ends),
+        magnitude=expected_field if scene.magnets else 0.0,
+        axes=PLANE_AXES[plane],
+        hanging=hanging,
     )
 
 

@@ -17,11 +17,13 @@ from magrod_env.envs.settings import Camera, Randomization
 from magrod_env.envs.tasks import Task
 from magrod_env.envs.workspace import Workspace
 from magrod_env.magnetics import Actuator, UniformCoils, _checks
+from magrod_env.resolution import Resolution
 from magrod_env.rod.batch import PLANE_AXES, RodBatch
 from magrod_env.rod.equilibrium import StaticModel
 from magrod_env.rod.layout import ENERGY, make_blocks
 from magrod_env.scene import Scene
-from magrod_env.simulation import Simulation, check_plane, rod_values
+from magrod_env.simulation import Simulation
+from magrod_env.values import check_plane, rod_values, scaled_spin_drag
 
 REWARD_TERMS = ("tracking", "precision", "effort", "smoothness")
 OBSERVE = ("camera", "state")
@@ -42,8 +44,7 @@ class SteeringCore:
         workspace: Workspace,
         *,
         num_envs: int,
-        num_elements: int,
-        time_step: float | None,
+        resolution: Resolution,
         precision: str,
         plane: str | None,
         axes: str,
@@ -64,25 +65,26 @@ class SteeringCore:
                 "limit of the actuator must be a number for an environment, but got None: give it in tesla."
             )
         self.scene, self.task, self.workspace, self.num_envs = scene, task, workspace, num_envs
-        self.num_elements, self.plane, self.precision, self.observe = num_elements, plane, precision, observe
+        self.num_elements, self.resolution = resolution.num_elements, resolution
+        self.plane, self.precision, self.observe = plane, precision, observe
         self.actuator, self.camera, self.randomization = actuator, camera, randomization
         self.coils = UniformCoils(limit=actuator.limit, axes=axes)
         if plane is not None and set(axes) - set(plane):
             raise ValueError(f"axes must lie in the plane {plane!r}, but got {axes!r}: choose axes of the plane.")
         self.control_rate = _checks.number("control_rate", control_rate, above=0.0, advice="give it in hertz")
         self.control_time = 1.0 / self.control_rate
-        self.values, segments = rod_values(scene)
+        self.values, segments = rod_values(scene, resolution.axial_softening, resolution.rotary_scaling)
         self.batch = RodBatch(
             self.values,
             segments,
             num_rods=num_envs,
-            num_elements=num_elements,
+            num_elements=self.num_elements,
             nodal=False,
             precision=precision,
             plane=plane,
             gravity=scene.gravity,
             drag_rate=scene.drag_rate,
-            spin_drag_rate=scene.spin_drag_rate,
+            spin_drag_rate=scaled_spin_drag(scene, resolution.rotary_scaling),
             internal_damping=scene.internal_damping,
             slew=actuator.slew_limit is not None,
             lag=actuator.lag is not None,
@@ -93,7 +95,7 @@ class SteeringCore:
         self._write_commands, self._add_travel = Bound(write_commands), Bound(add_travel)
         self._begin_episodes, self._copy_starts = Bound(begin_episodes), Bound(copy_starts)
         self._make_rods = Bound(make_rods)
-        self._choose_steps(time_step)
+        self._choose_steps(resolution.time_step)
         self._set_up_coils()
         self._set_up_arrays()
         self._set_up_starts()
@@ -232,7 +234,12 @@ class SteeringCore:
             return
         self._spread = None
         nominal = Simulation(
-            self.scene, num_rods=1, num_elements=self.num_elements, plane=self.plane, precision=self.precision
+            self.scene,
+            num_elements=self.num_elements,
+            axial_softening=self.resolution.axial_softening,
+            rotary_scaling=self.resolution.rotary_scaling,
+            plane=self.plane,
+            precision=self.precision,
         )
         columns = []
         for case in cases:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import lru_cache
 from typing import Any
 
@@ -13,8 +14,11 @@ from magrod_env.envs.settings import Camera, Randomization
 from magrod_env.envs.tasks import Task
 from magrod_env.envs.workspace import Workspace
 from magrod_env.magnetics import Actuator, UniformCoils, _checks
+from magrod_env.resolution import Resolution
 from magrod_env.scene import Scene
 from magrod_env.scenes import load_scene
+from magrod_env.simulation import checked_resolution, resolution_for
+from magrod_env.values import check_plane
 
 DRAG_RATE = 5.0  # 1/s: the paper's rods come to rest within a second
 SPIN_DRAG_RATE = 100.0  # 1/s: lets the ringing of a section after a step of the field die out
@@ -37,9 +41,16 @@ _DEFAULTS: dict[str, dict[str, Any]] = {
     "circle": {"axes": "yz"},
     "path": {"axes": "yz"},
     "reach": {"axes": "yz"},
-    "two_magnet": {"axes": "xz", "num_elements": 10, "actuator": Actuator(limit=25e-3)},
+    "two_magnet": {"axes": "xz", "actuator": Actuator(limit=25e-3)},
     "planar_reach": {"axes": "xz", "plane": "xz"},
 }
+_OWN_RESOLUTION = {  # for the id's own scene; what it costs in accuracy is measured in docs/resolution.md
+    "two_magnet": Resolution(num_elements=10),
+}
+_ROUND_ROD = Resolution(num_elements=4, axial_softening=8.0, rotary_scaling=16.0)
+
+
+_RESOLUTION = ("num_elements", "time_step", "axial_softening", "rotary_scaling", "tolerance")
 
 
 def default_scene(task: str) -> Scene:
@@ -54,10 +65,15 @@ def default_scene(task: str) -> Scene:
 
 @lru_cache(maxsize=32)
 def _make_task(
-    task: str, scene: Scene, num_elements: int, axes: str, settings: tuple[tuple[str, Any], ...]
+    task: str,
+    scene: Scene,
+    num_elements: int,
+    axial_softening: float,
+    axes: str,
+    settings: tuple[tuple[str, Any], ...],
 ) -> tuple[Workspace, Task]:
     """Workspace and task of a scene; kept, since every environment of a process asks for the same few."""
-    workspace, chosen = Workspace(scene, num_elements), dict(settings)
+    workspace, chosen = Workspace(scene, num_elements, axial_softening), dict(settings)
     if task == "circle":
         made = tasks.circle(workspace, **chosen)
     elif task == "path":
@@ -87,8 +103,6 @@ def make_core(task: str, num_envs: int, settings: dict[str, Any]) -> SteeringCor
         raise ValueError(f"task must be one of {', '.join(_TASKS)}, but got {task!r}: choose one of them.")
     common = {
         "scene": None,
-        "num_elements": 5,
-        "time_step": None,
         "precision": "float64",
         "plane": None,
         "axes": "yz",
@@ -99,10 +113,11 @@ def make_core(task: str, num_envs: int, settings: dict[str, Any]) -> SteeringCor
         "randomization": None,
         "num_threads": None,
     } | _DEFAULTS[task]
-    unknown = set(settings) - set(common) - set(_TASKS[task])
+    known = {*common, *_TASKS[task], *_RESOLUTION}
+    unknown = set(settings) - known
     if unknown:
         raise ValueError(
-            f"arguments of this environment must be among {', '.join(sorted({*common, *_TASKS[task]}))}, "
+            f"arguments of this environment must be among {', '.join(sorted(known))}, "
             f"but got {', '.join(map(repr, sorted(unknown)))}: check the spelling."
         )
     chosen: dict[str, Any] = {name: settings.get(name, value) for name, value in common.items()}
@@ -121,21 +136,48 @@ def make_core(task: str, num_envs: int, settings: dict[str, Any]) -> SteeringCor
     if "center_field" in settings:
         center = _checks.vector("center_field", settings["center_field"], advice="give a world vector in tesla")
         settings = settings | {"center_field": center}
-    num_elements = int(_checks.count("num_elements", chosen["num_elements"], advice="5 is a good start"))
     special = tuple((name, _hashable(settings.get(name, value))) for name, value in sorted(_TASKS[task].items()))
     UniformCoils(axes=chosen["axes"])  # refuses axes that are none
-    workspace, made = _make_task(task, scene, num_elements, chosen["axes"], special)
-    chosen["num_elements"] = num_elements
+    check_plane(scene, chosen["plane"])
+    resolution = _choose_resolution(task, scene, chosen, special, settings)
+    workspace, made = _make_task(
+        task, scene, resolution.num_elements, resolution.axial_softening, chosen["axes"], special
+    )
     chosen["randomization"] = chosen["randomization"] or Randomization()
     _check_reach(task, made, chosen, settings.get("reach_limit", _TASKS[task].get("reach_limit")))
-    return SteeringCore(scene, made, workspace, num_envs=num_envs, **chosen)
+    return SteeringCore(scene, made, workspace, num_envs=num_envs, resolution=resolution, **chosen)
+
+
+def _choose_resolution(
+    task: str, scene: Scene, chosen: dict[str, Any], special: tuple[tuple[str, Any], ...], settings: dict[str, Any]
+) -> Resolution:
+    """The user's choice; else the id's own for its own scene; else 5 elements. A tolerance counts for the fields that
+    the targets need, from rest under gravity.
+    """
+    given = {name: settings.get(name) for name in _RESOLUTION}
+    said = checked_resolution(**given)
+    if given["tolerance"] is not None:
+        _, made = _make_task(task, scene, max(5, len(scene.segment_ends)), 1.0, chosen["axes"], special)
+        limit = dict(special).get("reach_limit")
+        strongest = float(np.linalg.norm(needed_fields(task, made, limit), axis=1).max())
+        return resolution_for(scene, float(given["tolerance"]), chosen["plane"], strongest, hanging=True)
+    if scene != default_scene(task) or given["num_elements"] is not None:
+        count = given["num_elements"] or max(5, len(scene.segment_ends))
+        return dataclasses.replace(said, num_elements=int(count))
+    own = _OWN_RESOLUTION.get(task, _ROUND_ROD)
+    return dataclasses.replace(own, **{name: value for name, value in given.items() if value is not None})
+
+
+def needed_fields(task: str, made: Task, reach_limit: float | None) -> np.ndarray:
+    """Fields, T, (M, 3), that hold the nominal rod on its targets; for reaching, the strongest of them."""
+    if made.fields is not None:
+        return made.fields
+    return (reach_limit or 0.0) * np.array([[1.0, 0.0, 1.0] if task == "planar_reach" else [0.0, 1.0, 1.0]])
 
 
 def _check_reach(task: str, made: Task, chosen: dict[str, Any], reach_limit: float | None) -> None:
     """Refuse targets that no field of the coils can hold."""
-    fields = made.fields
-    if fields is None:
-        fields = (reach_limit or 0.0) * np.array([[1.0, 0.0, 1.0] if task == "planar_reach" else [0.0, 1.0, 1.0]])
+    fields = needed_fields(task, made, reach_limit)
     largest, axes = np.abs(fields).max(axis=0), chosen["axes"]
     needed = [letter for letter, field in zip("xyz", largest) if field > 1e-9]
     if set(needed) - set(axes):

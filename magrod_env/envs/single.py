@@ -69,8 +69,11 @@ class MagRodEnv(gymnasium.Env):
     | argument | default | meaning |
     |---|---|---|
     | scene | the id's own | a `Scene` or a name for `load_scene` |
-    | num_elements | 5 (two magnets: 10) | elements of the rod |
+    | num_elements | 4 (two magnets: 10) | elements of the rod |
+    | axial_softening, rotary_scaling | 8, 16 (two magnets: 1, 1) | conditioning of stiff modes, see `Simulation`; \
+1, 1 where scene or num_elements is given |
     | time_step | None | s; None: 0.5 of the stability bound of the stiffest rod that may be drawn |
+    | tolerance | None | m; chooses the four above for this tip error in the fields that the targets need |
     | precision | "float64" | or "float32" |
     | plane | None (planar: "xz") | motion in space or in a plane |
     | axes | "yz" or "xz" | axes with coils, up to "xyz" |

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 from magrod_env.rod.equilibrium import LoadCase, StaticModel
 from magrod_env.rod.mesh import split_elements
 from magrod_env.scene import Scene
-from magrod_env.simulation import StabilityError, rod_values
+from magrod_env.simulation import StabilityError
+from magrod_env.values import rod_values
 
 
 class Workspace:
@@ -17,10 +18,11 @@ class Workspace:
     Args:
         scene: the scene.
         num_elements: elements of the helical rod.
+        axial_softening: divides the axial stiffness (see `Simulation`).
     """
 
-    def __init__(self, scene: Scene, num_elements: int) -> None:
-        values, segments = rod_values(scene)
+    def __init__(self, scene: Scene, num_elements: int, axial_softening: float = 1.0) -> None:
+        values, segments = rod_values(scene, axial_softening)
         self.scene = scene
         self.model = StaticModel(values, split_elements(values.ends, num_elements), segments, False, scene.gravity)
 

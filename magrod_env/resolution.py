@@ -1,0 +1,198 @@
+"""From a tolerance at the tip to elements, time step and conditioning of stiff modes, by pilot runs of the scene.
+
+A pilot is a batch of eight equal rods under eight loads. What a coarser choice costs is the distance between its tip
+and that of a finer one; the finer of two is never itself taken on trust. Reasons and limits are in docs/resolution.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+LADDER = (3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64, 80, 96, 128, 160)  # elements to choose from
+FINER = 1.5  # elements of the run that judges another, over that one's
+LARGEST_SOFTENING = 4096.0
+FAR = 12.0  # times its share: from there on, the error of the conditioning is told by proportion
+ROTARY_PER_AXIAL = 2.0  # at this ratio the axial wave and the shear-rotation wave bound the step alike
+SPACE, CONDITIONING, TIME = 0.4, 0.25, 0.1  # shares of the tolerance; the rest is for loads that no pilot has seen
+DURATION, CONTROL_TIME, RISE = 2.0, 0.01, 0.4  # s: of a pilot, between its field's values, of its ramps
+NUM_LOADS = 8
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Resolution:
+    """What a simulation resolves a scene with.
+
+    Args:
+        num_elements: elements along the rod.
+        time_step: s; None leaves it to the simulation.
+        axial_softening: divides the axial stiffness.
+        rotary_scaling: multiplies the rotary inertia of the sections.
+        error: RMS error of the tip, m, that the pilots estimate; None where none were run.
+    """
+
+    num_elements: int
+    time_step: float | None = None
+    axial_softening: float = 1.0
+    rotary_scaling: float = 1.0
+    error: float | None = None
+
+
+def pilot_fields(magnitude: float, axes: tuple[int, ...]) -> np.ndarray:
+    """Fields of the pilots, T, (num_times, NUM_LOADS, 3): none, ramps, and fields that turn or swing.
+
+    ``axes`` are the world axes of the motion, the first along the rod.
+    """
+    time = CONTROL_TIME * (np.arange(round(DURATION / CONTROL_TIME)) + 0.5)
+    share = np.clip(time / RISE, 0.0, 1.0)
+    rise = share * share * (3.0 - 2.0 * share)
+    angle = 2.0 * np.pi * time
+    along, across = np.eye(3)[axes[0]], np.eye(3)[axes[1]]
+    aside = np.eye(3)[axes[2]] if len(axes) > 2 else -across
+    fields = np.zeros((len(time), NUM_LOADS, 3))
+    for load, course in enumerate(
+        (
+            np.outer(rise, across),
+            np.outer(rise, -0.7 * aside),
+            np.outer(rise, 0.5 * along + 0.5 * aside),
+            np.outer(rise * np.cos(0.5 * angle), across) + np.outer(rise * np.sin(0.5 * angle), aside),
+            0.6 * np.outer(rise * np.cos(angle), across) + 0.6 * np.outer(rise * np.sin(angle), aside),
+            0.5 * np.outer(rise * np.sin(1.5 * angle), across) + 0.3 * np.outer(rise, along),
+            np.outer(np.where(time > 0.2, 0.3, 0.0), across),
+        ),
+        start=1,
+    ):
+        fields[:, load] = magnitude * course
+    return fields
+
+
+def choose_resolution(
+    simulate: Callable[..., Any],
+    *,
+    tolerance: float,
+    least_elements: int,
+    magnitude: float,
+    axes: tuple[int, ...],
+    hanging: bool = False,
+) -> Resolution:
+    """The cheapest resolution whose tip error in every pilot is estimated to be within ``tolerance`` (m, RMS).
+
+    Args:
+        simulate: makes the simulation of a batch: num_rods, num_elements, axial_softening, rotary_scaling.
+        tolerance: m.
+        least_elements: as many as there are segments between magnets.
+        magnitude: of the pilots' field, T.
+        axes: world axes of the motion.
+        hanging: pilots start in equilibrium under gravity; else straight, so that gravity acts suddenly.
+
+    Raises:
+        ValueError: if no resolution of the ladder is good enough.
+    """
+    search = _Search(simulate, pilot_fields(magnitude, axes), tolerance, hanging)
+    rungs = [rung for rung in LADDER if rung >= max(LADDER[0], least_elements)]
+    coarse = next((rung for rung in rungs if rung >= max(5, 2 * least_elements)), rungs[-1])
+    tried, softening, conditioning_error = search.softening(coarse)
+    num_elements, space_error = search.elements(rungs, tried)
+    step = simulate(
+        num_rods=1, num_elements=num_elements, axial_softening=softening, rotary_scaling=rotary(softening)
+    ).time_step
+    step, time_error = search.time_step(num_elements, tried, step)
+    return Resolution(
+        num_elements=num_elements,
+        time_step=step,
+        axial_softening=softening,
+        rotary_scaling=rotary(softening),
+        error=conditioning_error + space_error + time_error,
+    )
+
+
+def rotary(softening: float) -> float:
+    """Scaling of the rotary inertia that goes with a softening: the two waves then bound the step alike."""
+    return 1.0 + ROTARY_PER_AXIAL * (softening - 1.0)
+
+
+class _Search:
+    """Pilot runs, each done once.
+
+    Errors of space, conditioning and time add up, so each is measured while the others are coarse, and an error
+    whose order is known is measured where it is large and runs are cheap.
+    """
+
+    def __init__(self, simulate: Callable[..., Any], fields: np.ndarray, tolerance: float, hanging: bool) -> None:
+        self.simulate, self.fields, self.tolerance, self.hanging = simulate, fields, tolerance, hanging
+        self.known: dict[tuple[int, float, float], tuple[np.ndarray, float]] = {}
+
+    def tips(self, num_elements: int, softening: float, finer_steps: float = 1.0) -> np.ndarray:
+        """Tip of every pilot, m, (num_times, NUM_LOADS, 3); NaN from where one was lost."""
+        return self._run(num_elements, softening, finer_steps)[0]
+
+    def _run(self, num_elements: int, softening: float, finer_steps: float) -> tuple[np.ndarray, float]:
+        key = (num_elements, softening, finer_steps)
+        if key not in self.known:
+            simulation = self.simulate(
+                num_rods=NUM_LOADS,
+                num_elements=num_elements,
+                axial_softening=softening,
+                rotary_scaling=rotary(softening),
+            )
+            simulation.time_step /= finer_steps
+            simulation.reset(field=np.zeros(3) if self.hanging else None)
+            tips = np.empty((len(self.fields), NUM_LOADS, 3))
+            for k, field in enumerate(self.fields):
+                simulation.advance(CONTROL_TIME, field=field)
+                tips[k] = np.where(simulation.status[:, None] == 0, simulation.tip_position, np.nan)
+            self.known[key] = tips, simulation.time_step
+        return self.known[key]
+
+    def distance(self, one: np.ndarray, other: np.ndarray) -> float:
+        """Largest RMS distance of two runs in any pilot, m; infinite where one was lost."""
+        rms = np.sqrt(((one - other) ** 2).sum(axis=2).mean(axis=0))
+        return float(np.where(np.isnan(rms), np.inf, rms).max())
+
+    def softening(self, num_elements: int) -> tuple[float, float, float]:
+        """A softening that was tried, the largest one within its share of the tolerance, and that one's error.
+
+        From the soft end, since stiff runs are dear: until the error is within its share, or so small that it has
+        become proportional to softening - 1 and what is within the share can be told from it.
+        """
+        share, before = CONDITIONING * self.tolerance, math.inf
+        soft = LARGEST_SOFTENING
+        while soft > 1.0:
+            less = max(soft / 4.0, 1.0)
+            distance = self.distance(self.tips(num_elements, soft), self.tips(num_elements, less))
+            error = distance * (soft - 1.0) / (soft - less)
+            if error <= FAR * share and (error <= share or 2.5 < before / error < 6.5):
+                chosen = 1.0 + (soft - 1.0) * min(0.8 * share / max(error, 1e-300), 3.0)
+                return soft, chosen if chosen > 1.2 else 1.0, min(0.8 * share, 3.0 * error)
+            soft, before = soft / 4.0, error
+        return 1.0, 1.0, 0.0
+
+    def elements(self, rungs: list[int], softening: float) -> tuple[int, float]:
+        """Fewest elements within their share, and their error: third order, judged by a run with half as many more."""
+        error = math.inf
+        for rung in rungs:
+            finer = next((other for other in rungs if other >= FINER * rung), None)
+            if finer is None:
+                break
+            distance = self.distance(self.tips(rung, softening), self.tips(finer, softening))
+            error = distance / (1.0 - (rung / finer) ** 3)
+            if error <= SPACE * self.tolerance:
+                return rung, error
+        raise ValueError(
+            f"tolerance must be within reach of {rungs[-1]} elements, but got {self.tolerance:.3g} m and the tip still "
+            f"differs by {error:.3g} m: ask for less, or state a weaker expected_field; in a strong one the rod may "
+            "jump, and its path then depends on the least difference."
+        )
+
+    def time_step(self, num_elements: int, softening: float, step: float) -> tuple[float, float]:
+        """Time step, s, at most ``step``, within its share of the tolerance, and its error (of second order)."""
+        tips, tried = self._run(num_elements, softening, 1.0)
+        error = self.distance(tips, self.tips(num_elements, softening, 2.0)) / 0.75 * (step / tried) ** 2
+        share = TIME * self.tolerance
+        if error <= share:
+            return step, error
+        return step * math.sqrt(share / error), share

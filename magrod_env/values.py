@@ -1,0 +1,67 @@
+"""From a scene to what the kernels take: the rod's values, shaped or conditioned if asked, and its magnets' places."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from magrod_env.rod.batch import PLANE_AXES
+from magrod_env.rod.mesh import RodValues
+from magrod_env.scene import Scene
+
+
+def rod_values(
+    scene: Scene, axial_softening: float = 1.0, rotary_scaling: float = 1.0
+) -> tuple[RodValues, tuple[int, ...]]:
+    """The kernels' view of a scene: its values, conditioned, and the segment at whose end each magnet sits."""
+    rod, ends = scene.rod, scene.segment_ends
+    values = RodValues(
+        ends=np.array(ends),
+        axial=rod.axial_stiffness / axial_softening,
+        shear=rod.shear_stiffness,
+        bending=rod.bending_stiffness,
+        torsion=rod.torsional_stiffness,
+        mass_per_length=rod.mass_per_length,
+        rotary=rod.rotary_inertia_per_length * rotary_scaling,
+        magnet_masses=np.array([magnet.mass for magnet in scene.magnets] or [0.0]),
+        magnet_moments=np.array([magnet.dipole_moment for magnet in scene.magnets] or [np.zeros(3)]),
+    )
+    return values, tuple(ends.index(magnet.position) for magnet in scene.magnets)
+
+
+def scaled_spin_drag(scene: Scene, rotary_scaling: float) -> float | None:
+    """Rate of the spin drag, 1/s, that leaves its torque unchanged where the rotary inertia is scaled."""
+    return None if scene.spin_drag_rate is None else scene.spin_drag_rate / rotary_scaling
+
+
+def check_plane(scene: Scene, plane: str | None) -> None:
+    """Refuse a scene whose loads leave the plane."""
+    if plane is None:
+        return
+    if plane not in ("xy", "xz"):
+        raise ValueError(f'plane must be "xy", "xz" or None for motion in space, but got {plane!r}: choose one.')
+    across = ({0, 1, 2} - set(PLANE_AXES[plane])).pop()
+    for what, vector in [("gravity", scene.gravity or (0, 0, 0))] + [
+        ("direction of a magnet", magnet.direction) for magnet in scene.magnets
+    ]:
+        if vector[across] != 0.0:
+            raise ValueError(
+                f"{what} must lie in the plane {plane!r} of a planar simulation, but got {vector!r}: "
+                "turn it into the plane, or leave plane=None."
+            )
+
+
+def shaped(values: RodValues, element: str, num_elements: int) -> RodValues:
+    """Values with E divided by the locking factor of the paper's element (every stiffness is proportional to E)."""
+    if element != "nodal":
+        raise ValueError(
+            f"frequency_shaping must be False with element={element!r}, which does not lock: "
+            'use it with element="nodal".'
+        )
+    h = values.ends[-1] / num_elements
+    factor = 1.0 / (1.0 + values.shear * h**2 / (4.0 * values.bending))
+    return values._replace(
+        axial=values.axial * factor,
+        shear=values.shear * factor,
+        bending=values.bending * factor,
+        torsion=values.torsion * factor,
+    )
