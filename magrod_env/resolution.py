@@ -95,24 +95,25 @@ def choose_resolution(
     search = _Search(simulate, pilot_fields(magnitude, axes), tolerance, hanging)
     rungs = [rung for rung in LADDER if rung >= max(LADDER[0], least_elements)]
     coarse = next((rung for rung in rungs if rung >= max(5, 2 * least_elements)), rungs[-1])
-    tried, softening, conditioning_error = search.softening(coarse)
+    tried, errors = search.conditioning(coarse)
     num_elements, space_error = search.elements(rungs, tried)
-    step = simulate(
-        num_rods=1, num_elements=num_elements, axial_softening=softening, rotary_scaling=rotary(softening)
-    ).time_step
+    step, chosen, conditioning_error = search.longest_step(num_elements, tried, errors)
     step, time_error = search.time_step(num_elements, tried, step)
     return Resolution(
         num_elements=num_elements,
         time_step=step,
-        axial_softening=softening,
-        rotary_scaling=rotary(softening),
+        axial_softening=chosen[0],
+        rotary_scaling=chosen[1],
         error=conditioning_error + space_error + time_error,
     )
 
 
-def rotary(softening: float) -> float:
-    """Scaling of the rotary inertia that goes with a softening: the two waves then bound the step alike."""
-    return 1.0 + ROTARY_PER_AXIAL * (softening - 1.0)
+Conditioning = tuple[float, float]
+"""axial_softening and rotary_scaling."""
+
+
+def _both(softening: float) -> Conditioning:
+    return softening, 1.0 + ROTARY_PER_AXIAL * (softening - 1.0)
 
 
 class _Search:
@@ -124,20 +125,18 @@ class _Search:
 
     def __init__(self, simulate: Callable[..., Any], fields: np.ndarray, tolerance: float, hanging: bool) -> None:
         self.simulate, self.fields, self.tolerance, self.hanging = simulate, fields, tolerance, hanging
-        self.known: dict[tuple[int, float, float], tuple[np.ndarray, float]] = {}
+        self.known: dict[tuple[int, Conditioning, float], tuple[np.ndarray, float]] = {}
 
-    def tips(self, num_elements: int, softening: float, finer_steps: float = 1.0) -> np.ndarray:
+    def tips(self, num_elements: int, conditioning: Conditioning, finer_steps: float = 1.0) -> np.ndarray:
         """Tip of every pilot, m, (num_times, NUM_LOADS, 3); NaN from where one was lost."""
-        return self._run(num_elements, softening, finer_steps)[0]
+        return self._run(num_elements, conditioning, finer_steps)[0]
 
-    def _run(self, num_elements: int, softening: float, finer_steps: float) -> tuple[np.ndarray, float]:
-        key = (num_elements, softening, finer_steps)
+    def _run(self, num_elements: int, conditioning: Conditioning, finer_steps: float) -> tuple[np.ndarray, float]:
+        key = (num_elements, conditioning, finer_steps)
         if key not in self.known:
+            axial, rotary = conditioning
             simulation = self.simulate(
-                num_rods=NUM_LOADS,
-                num_elements=num_elements,
-                axial_softening=softening,
-                rotary_scaling=rotary(softening),
+                num_rods=NUM_LOADS, num_elements=num_elements, axial_softening=axial, rotary_scaling=rotary
             )
             simulation.time_step /= finer_steps
             simulation.reset(field=np.zeros(3) if self.hanging else None)
@@ -153,32 +152,53 @@ class _Search:
         rms = np.sqrt(((one - other) ** 2).sum(axis=2).mean(axis=0))
         return float(np.where(np.isnan(rms), np.inf, rms).max())
 
-    def softening(self, num_elements: int) -> tuple[float, float, float]:
-        """A softening that was tried, the largest one within its share of the tolerance, and that one's error.
+    def conditioning(self, num_elements: int) -> tuple[Conditioning, tuple[float, float]]:
+        """A conditioning that was tried, and its two errors per unit of axial_softening - 1 and rotary_scaling - 1, m.
 
-        From the soft end, since stiff runs are dear: until the error is within its share, or so small that it has
-        become proportional to softening - 1 and what is within the share can be told from it.
+        From the soft end, since stiff runs are dear, until the error is within its share of the tolerance, or small
+        enough to have become proportional: what is within the share can then be told from it.
         """
         share, before = CONDITIONING * self.tolerance, math.inf
         soft = LARGEST_SOFTENING
         while soft > 1.0:
             less = max(soft / 4.0, 1.0)
-            distance = self.distance(self.tips(num_elements, soft), self.tips(num_elements, less))
-            error = distance * (soft - 1.0) / (soft - less)
+            tried, tips = _both(soft), self.tips(num_elements, _both(soft))
+            error = self.distance(tips, self.tips(num_elements, _both(less))) * (soft - 1.0) / (soft - less)
             if error <= FAR * share and (error <= share or 2.5 < before / error < 6.5):
-                chosen = 1.0 + (soft - 1.0) * min(0.8 * share / max(error, 1e-300), 3.0)
-                return soft, chosen if chosen > 1.2 else 1.0, min(0.8 * share, 3.0 * error)
+                lighter = 1.0 + (tried[1] - 1.0) / 4.0
+                rotary = self.distance(tips, self.tips(num_elements, (soft, lighter))) / (tried[1] - lighter)
+                axial = max(error - rotary * (tried[1] - 1.0), 0.1 * error) / (soft - 1.0)
+                return tried, (axial, max(rotary, 0.1 * error / (tried[1] - 1.0)))
             soft, before = soft / 4.0, error
-        return 1.0, 1.0, 0.0
+        return (1.0, 1.0), (math.inf, math.inf)
 
-    def elements(self, rungs: list[int], softening: float) -> tuple[int, float]:
+    def longest_step(
+        self, num_elements: int, tried: Conditioning, errors: tuple[float, float]
+    ) -> tuple[float, Conditioning, float]:
+        """Longest default step, s, that conditioning within its share allows, that conditioning and its error, m."""
+        best, share = (0.0, (1.0, 1.0), 0.0), CONDITIONING * self.tolerance
+        for part in (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0):
+            axial, rotary = (
+                1.0 + min(portion * share / error, 3.0 * (most - 1.0))
+                for portion, error, most in zip((part, 1.0 - part), errors, tried, strict=True)
+            )
+            step = self.simulate(
+                num_rods=1, num_elements=num_elements, axial_softening=axial, rotary_scaling=rotary
+            ).time_step
+            if step > 1.02 * best[0]:
+                parts = zip(errors, (axial, rotary), strict=True)
+                error = sum(each * (factor - 1.0) for each, factor in parts if factor > 1.0)
+                best = step, (axial, rotary), error
+        return best
+
+    def elements(self, rungs: list[int], conditioning: Conditioning) -> tuple[int, float]:
         """Fewest elements within their share, and their error: third order, judged by a run with half as many more."""
         error = math.inf
         for rung in rungs:
             finer = next((other for other in rungs if other >= FINER * rung), None)
             if finer is None:
                 break
-            distance = self.distance(self.tips(rung, softening), self.tips(finer, softening))
+            distance = self.distance(self.tips(rung, conditioning), self.tips(finer, conditioning))
             error = distance / (1.0 - (rung / finer) ** 3)
             if error <= SPACE * self.tolerance:
                 return rung, error
@@ -188,10 +208,10 @@ class _Search:
             "jump, and its path then depends on the least difference."
         )
 
-    def time_step(self, num_elements: int, softening: float, step: float) -> tuple[float, float]:
+    def time_step(self, num_elements: int, conditioning: Conditioning, step: float) -> tuple[float, float]:
         """Time step, s, at most ``step``, within its share of the tolerance, and its error (of second order)."""
-        tips, tried = self._run(num_elements, softening, 1.0)
-        error = self.distance(tips, self.tips(num_elements, softening, 2.0)) / 0.75 * (step / tried) ** 2
+        tips, tried = self._run(num_elements, conditioning, 1.0)
+        error = self.distance(tips, self.tips(num_elements, conditioning, 2.0)) / 0.75 * (step / tried) ** 2
         share = TIME * self.tolerance
         if error <= share:
             return step, error

@@ -22,6 +22,7 @@ def rod_values(
         torsion=rod.torsional_stiffness,
         mass_per_length=rod.mass_per_length,
         rotary=rod.rotary_inertia_per_length * rotary_scaling,
+        polar=2.0 * rod.rotary_inertia_per_length * rotary_scaling,
         magnet_masses=np.array([magnet.mass for magnet in scene.magnets] or [0.0]),
         magnet_moments=np.array([magnet.dipole_moment for magnet in scene.magnets] or [np.zeros(3)]),
     )

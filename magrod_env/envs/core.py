@@ -116,6 +116,7 @@ class SteeringCore:
             torsion=values.torsion * stiff,
             mass_per_length=values.mass_per_length * light,
             rotary=values.rotary * light,
+            polar=values.polar * light,
             magnet_moments=values.magnet_moments * (1.0 + spread.remanence),
         )
         shift = spread.magnet_position

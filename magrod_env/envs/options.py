@@ -45,9 +45,9 @@ _DEFAULTS: dict[str, dict[str, Any]] = {
     "planar_reach": {"axes": "xz", "plane": "xz"},
 }
 _OWN_RESOLUTION = {  # for the id's own scene; what it costs in accuracy is measured in docs/resolution.md
-    "two_magnet": Resolution(num_elements=10),
+    "two_magnet": Resolution(num_elements=10, rotary_scaling=8.0),
 }
-_ROUND_ROD = Resolution(num_elements=4, axial_softening=8.0, rotary_scaling=16.0)
+_ROUND_ROD = Resolution(num_elements=4, rotary_scaling=8.0)
 
 
 _RESOLUTION = ("num_elements", "time_step", "axial_softening", "rotary_scaling", "tolerance")

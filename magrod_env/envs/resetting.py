@@ -129,6 +129,7 @@ def varied(values, draw):
         values.torsion * draw[0],
         values.mass_per_length * draw[1],
         values.rotary * draw[1],
+        values.polar * draw[1],
         values.magnet_masses,
         values.magnet_moments * draw[3],
     )
@@ -204,6 +205,7 @@ def write_lane(rows, making, planar, i, rod, pull, field, drag):
         rod.torsion,
         rod.mass_per_length,
         rod.rotary,
+        rod.polar,
         rod.magnet_masses,
         moments,
     )

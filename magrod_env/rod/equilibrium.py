@@ -117,13 +117,14 @@ class StaticModel:
     def working_time_step(self, field_magnitude: float, plane: str | None, damping: float) -> float:
         """Bound on the step, s, that also covers a swing under gravity and sudden fields up to ``field_magnitude`` T.
 
-        The least of straight and sagging under 2 g, over the factor of ``shock_factor`` (docs/physics.md).
+        The least of straight and sagging under 2 g, both with ``shock_stiffness`` added (docs/physics.md).
         """
-        bound = self.stable_time_step(field_magnitude, plane, damping)
+        shock = stability.shock_stiffness(self._block, self.layout, self.terms, field_magnitude)
+        bound = stability.stable_time_step(self._block, self.layout, self.terms, field_magnitude, plane, damping, shock)
         if self.terms.gravity is not None:
             swung = copy.copy(self)
             swung.gravity, swung._block = 2.0 * self.gravity, self._block.copy()
             stability.set_gravity(swung._block, self.terms, swung.gravity)
             stiffness, inertia = swung.linearise(swung.equilibrium(np.zeros(3)))
-            bound = min(bound, stability.time_step_bound(stiffness, inertia, plane, damping))
-        return bound / stability.shock_factor(self._block, self.layout, self.terms, field_magnitude)
+            bound = min(bound, stability.time_step_bound(stiffness + np.diag(shock), inertia, plane, damping))
+        return bound

@@ -31,7 +31,8 @@ class RodValues(NamedTuple):
     bending: float  # EI, N m^2
     torsion: float  # GJ, N m^2
     mass_per_length: float  # kg/m
-    rotary: float  # transverse rotary inertia per length rho I, kg m; the axial one is twice as much
+    rotary: float  # rotary inertia per length about a transverse axis, rho I, kg m
+    polar: float  # rotary inertia per length about the tangent, 2 rho I, kg m
     magnet_masses: np.ndarray  # (num_magnets,), kg
     magnet_moments: np.ndarray  # (num_magnets, 3), A m^2, body frame
 
@@ -123,7 +124,7 @@ def write_rod(rows, lane, layout, counts, values, planar, nodal):
         rows[row + node_rows.inverse_mass, lane] = 1.0 / mass
         inertia = values.rotary * carried[node]
         if planar is None:
-            rows[row + node_rows.compliance, lane] = 0.25 / inertia
+            rows[row + node_rows.compliance, lane] = 0.5 / (values.polar * carried[node])
             rows[row + node_rows.compliance + 1, lane] = 0.5 / inertia
         else:
             rows[row + node_rows.compliance, lane] = 0.5 / inertia

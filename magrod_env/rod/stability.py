@@ -47,13 +47,19 @@ def angular_frequencies(stiffness, inertia, plane: str | None):
 
 
 def stable_time_step(
-    block, layout: Layout, terms: Terms, field_magnitude: float, plane: str | None, damping: float
+    block,
+    layout: Layout,
+    terms: Terms,
+    field_magnitude: float,
+    plane: str | None,
+    damping: float,
+    added=0.0,
 ) -> float:
     """Largest stable time step of the straight rod, s, in a field of any direction up to ``field_magnitude`` T.
 
     2/omega_max of the linearised rod; a dipole adds at most |m||B| to its node's rotational stiffness (Rayleigh's
     bound), and Kelvin-Voigt damping of time ``damping`` (s) shortens the step to 2 (sqrt(w^2 + c^2) - c)/w^2 with
-    c = damping w^2.
+    c = damping w^2. ``added`` (6 N,) is further stiffness on the diagonal.
     """
     stiffness, inertia = linearise(block, layout, terms._replace(magnets=None), None, *straight(block, layout, terms))
     rows = block.reshape(-1, len(terms.lanes))[:, 0]
@@ -62,7 +68,7 @@ def stable_time_step(
         for k in (3, 4, 5):
             i = 6 * (node - 1) + k
             stiffness[i, i] += moment * field_magnitude
-    return time_step_bound(stiffness, inertia, plane, damping)
+    return time_step_bound(stiffness + np.diag(np.zeros(len(inertia)) + added), inertia, plane, damping)
 
 
 def time_step_bound(stiffness, inertia, plane: str | None, damping: float) -> float:
@@ -72,26 +78,27 @@ def time_step_bound(stiffness, inertia, plane: str | None, damping: float) -> fl
     return float(2.0 * (np.sqrt(highest**2 + rate**2) - rate) / highest**2)
 
 
-def shock_factor(block, layout: Layout, terms: Terms, field_magnitude: float) -> float:
-    """How much a sudden field of ``field_magnitude`` T raises the highest frequency of the rod.
+def shock_stiffness(block, layout: Layout, terms: Terms, field_magnitude: float):
+    """Diagonal stiffness (6 N,), N m, that a sudden field of ``field_magnitude`` T may add to the sections' rotations.
 
     The field turns a magnet's section before its neighbours move: to twice the angle at which its elements hold it, so
     d = 2 m B/k with k = sum of GA* h/4 + EI/h. A turned element is shorter than its chord by a part of d^2, and its
-    axial stiffness then adds at most EA h d^2/8 to k: the frequency grows by at most sqrt(1 + EA h d^2/(8 k))
-    (docs/physics.md).
+    axial stiffness then adds to both ends' rotational stiffness; the diagonal bounds the matrix (docs/physics.md).
     """
     rows = block.reshape(-1, len(terms.lanes))[:, 0]
-    worst = 0.0
+    added = np.zeros((layout.num_elements + 1, 6))
     for number, node in enumerate(layout.magnet_nodes):
         moment = np.linalg.norm(rows[layout.magnets + 3 * number :][:3])
-        hold, squeeze = 0.0, 0.0
-        for element in {node - 1, min(node, layout.num_elements - 1)} - {-1}:
-            part = rows[layout.elements + ELEMENT_ROWS * element :][:ELEMENT_ROWS]
-            hold += part[SHEAR] * part[LENGTH] / 4.0 + part[BENDING]
-            squeeze += part[AXIAL] * part[LENGTH] / 8.0
+        elements = {node - 1, min(node, layout.num_elements - 1)} - {-1}
+        parts = {e: rows[layout.elements + ELEMENT_ROWS * e :][:ELEMENT_ROWS] for e in elements}
+        hold = sum(part[SHEAR] * part[LENGTH] / 4.0 + part[BENDING] for part in parts.values())
         turn = min(2.0 * moment * field_magnitude / hold, np.pi)
-        worst = max(worst, squeeze * turn**2 / hold)
-    return float(np.sqrt(1.0 + worst))
+        for element, part in parts.items():
+            squeeze = part[AXIAL] * part[LENGTH] * turn**2
+            neighbour = element if element != node else element + 1
+            added[node, 4:] += squeeze * (1.0 / 24.0 + 1.0 / 12.0)
+            added[neighbour, 4:] += squeeze * (1.0 / 8.0 + 1.0 / 12.0)
+    return added[1:].ravel()
 
 
 def set_gravity(block, terms: Terms, gravity) -> None:
