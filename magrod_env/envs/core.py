@@ -11,7 +11,7 @@ from gymnasium.utils import seeding
 
 from magrod_env._jit import PRESENT, Bound
 from magrod_env.envs.commanding import add_travel, write_commands
-from magrod_env.envs.observing import Episodes, Optics, Outcome, Scales, View, observe_all, observe_some
+from magrod_env.envs.observing import Episodes, Optics, Outcome, Scales, View, observe_blocks, observe_some
 from magrod_env.envs.resetting import Making, begin_episodes, copy_starts, make_rods
 from magrod_env.envs.settings import Camera, Randomization
 from magrod_env.envs.tasks import Task
@@ -91,7 +91,7 @@ class SteeringCore:
             turned=actuator.slew_limit is not None and randomization.active,
             num_threads=num_threads,
         )
-        self._observe_all, self._observe_some = Bound(observe_all), Bound(observe_some)
+        self._observe_some = Bound(observe_some)
         self._write_commands, self._add_travel = Bound(write_commands), Bound(add_travel)
         self._begin_episodes, self._copy_starts = Bound(begin_episodes), Bound(copy_starts)
         self._make_rods = Bound(make_rods)
@@ -311,9 +311,7 @@ class SteeringCore:
         batch.run(self.num_steps - split, self.time_step, self.blend, self.largest_change)
         self._count_travel()
         batch.watch()
-        self._observe_all(
-            batch.rows, self.view, batch.terms.planar, self.full, self.episodes, clipped, batch.status, out
-        )
+        batch.share(observe_blocks, batch.terms, self.view, self.full, self.episodes, clipped, batch.status, out)
 
     def _send(self, commands: np.ndarray) -> None:
         self._write_commands(

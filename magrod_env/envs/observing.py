@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from magrod_env._jit import jit
+from magrod_env._jit import inline_jit, jit
 from magrod_env.envs.streams import normal
 from magrod_env.rod.layout import FIELD, PLANAR, SPATIAL, Layout
 
@@ -83,7 +83,7 @@ class Outcome(NamedTuple):
     fields: np.ndarray  # (3,) T, the field that acts, world
 
 
-@jit
+@inline_jit
 def target_at(targets, place, time, out):
     """Target (num_tracked, 3) m at ``time`` s of an episode, by linear interpolation in the task's table."""
     table, tracked = targets.table, out.shape[0]
@@ -104,42 +104,45 @@ def target_at(targets, place, time, out):
             out[p, k] = (1.0 - u) * low + u * high
 
 
-@jit
+@inline_jit
 def node_position(rows, view, planar, node, i, out):
     """World position of a node of rod ``i``, m, into ``out`` (3,)."""
     width = rows.shape[2]
     row = view.layout.nodes + (SPATIAL.size if planar is None else PLANAR.size) * node
-    out[:] = 0.0
+    for k in range(3):
+        out[k] = 0.0
     for k in range(len(view.axes)):
         out[view.axes[k]] = rows[i // width, row + k, i % width]
 
 
-@jit
+@inline_jit
 def take_frame(positions, episodes, optics, i, first):
     """The camera sees ``positions`` (num_tracked, 3): into the ring of frames; ``seen`` gets the one that has
     arrived.
     """
     depth, step = episodes.frames.shape[1], episodes.steps[i]
-    if first or step % optics.every == 0:
-        frame = episodes.frames[i, step % depth]
-        for p in range(positions.shape[0]):
-            for k in range(3):
-                frame[p, k] = positions[p, k]
+    newest, arrived = step % depth, (step - optics.delay) % depth
+    new_frame, new_arrival = step % optics.every == 0, (step - optics.delay) % optics.every == 0
+    for p in range(positions.shape[0]):
+        for k in range(3):
+            if first or new_frame:
+                value = positions[p, k]
                 if optics.noise > 0.0:
-                    frame[p, k] += optics.noise * normal(episodes.streams, i)
-    else:
-        episodes.frames[i, step % depth] = episodes.frames[i, (step - 1) % depth]
-    if first:
-        for d in range(depth):
-            episodes.frames[i, d] = episodes.frames[i, step % depth]
-        episodes.seen[i, 0] = episodes.frames[i, step % depth]
-        episodes.seen[i, 1] = episodes.frames[i, step % depth]
-    elif (step - optics.delay) % optics.every == 0:
-        episodes.seen[i, 1] = episodes.seen[i, 0]
-        episodes.seen[i, 0] = episodes.frames[i, (step - optics.delay) % depth]
+                    value += optics.noise * normal(episodes.streams, i)
+            else:
+                value = episodes.frames[i, (step - 1) % depth, p, k]
+            episodes.frames[i, newest, p, k] = value
+            if first:
+                for d in range(depth):
+                    episodes.frames[i, d, p, k] = value
+                episodes.seen[i, 0, p, k] = value
+                episodes.seen[i, 1, p, k] = value
+            elif new_arrival:
+                episodes.seen[i, 1, p, k] = episodes.seen[i, 0, p, k]
+                episodes.seen[i, 0, p, k] = episodes.frames[i, arrived, p, k]
 
 
-@jit
+@inline_jit
 def bounded(value):
     """An entry of an observation: a diverged rod must not put a NaN or an infinity into a policy."""
     if not np.isfinite(value):
@@ -147,7 +150,7 @@ def bounded(value):
     return min(max(value, -100.0), 100.0)
 
 
-@jit
+@inline_jit
 def coil_fraction(field, episodes, scales, i, a):
     """Field of coil pair ``a`` as a share of its limit, as the coils' own sensors see it."""
     nominal = 0.0
@@ -156,11 +159,11 @@ def coil_fraction(field, episodes, scales, i, a):
     return nominal / scales.limits[a]
 
 
-@jit
-def write_observation(rows, view, planar, full, episodes, i, obs, goal, field):
+@inline_jit
+def write_observation(rows, view, planar, full, episodes, i, obs, goal, field, ahead):
     """One observation (see the environments' tables) into ``obs`` (size,).
 
-    ``goal`` (num_tracked, 3) m is the target now, ``field`` (3,) T the field that acts.
+    ``goal`` (num_tracked, 3) m is the target now, ``field`` (3,) T the field that acts, ``ahead`` room for targets.
     """
     tracked, k, scales = len(view.nodes), 0, view.scales
     length = scales.length
@@ -178,7 +181,7 @@ def write_observation(rows, view, planar, full, episodes, i, obs, goal, field):
         for axis in range(3):
             obs[k] = bounded(10.0 * (goal[p, axis] - episodes.seen[i, 0, p, axis]) / length)
             k += 1
-    ahead, time = np.empty((tracked, 3)), view.control_time * episodes.steps[i]
+    time = view.control_time * episodes.steps[i]
     for q in range(len(view.preview)):
         target_at(view.targets, episodes.place[i], time + view.preview[q], ahead)
         for p in range(tracked):
@@ -189,7 +192,7 @@ def write_observation(rows, view, planar, full, episodes, i, obs, goal, field):
         write_state(rows, view, planar, i, obs, k)
 
 
-@jit
+@inline_jit
 def write_state(rows, view, planar, i, obs, k):
     """The full state of a rod: position / L, rotation, velocity / L, spin of every free node, from entry ``k``."""
     layout, length = view.layout, view.scales.length
@@ -216,60 +219,72 @@ def write_state(rows, view, planar, i, obs, k):
             k += 7
 
 
-@jit
-def reward_of(distance, action, before, scales, terms):
-    """Reward terms of one step into ``terms`` (4,), and their sum.
+@inline_jit
+def reward_of(distance, actions, before, i, scales, terms):
+    """Reward terms of one step of environment ``i`` into ``terms`` (num_envs, 4), and their sum; its action is kept.
 
     tracking: -distance/scale; precision: a bonus up to 1 near the target; effort: -weight |a|^2; smoothness: -weight
     |da|^2.
     """
     effort, change = 0.0, 0.0
-    for a in range(len(action)):
-        effort += action[a] * action[a]
-        change += (action[a] - before[a]) * (action[a] - before[a])
-    terms[TRACKING] = -min(distance / scales.tracking, 10.0)
-    terms[PRECISION] = np.exp(-distance / scales.precision)
-    terms[EFFORT] = -scales.effort * effort
-    terms[SMOOTHNESS] = -scales.smoothness * change
-    return terms[0] + terms[1] + terms[2] + terms[3]
+    for a in range(actions.shape[1]):
+        action = actions[i, a]
+        effort += action * action
+        change += (action - before[i, a]) * (action - before[i, a])
+        before[i, a] = action
+    terms[i, TRACKING] = -min(distance / scales.tracking, 10.0)
+    terms[i, PRECISION] = np.exp(-distance / scales.precision)
+    terms[i, EFFORT] = -scales.effort * effort
+    terms[i, SMOOTHNESS] = -scales.smoothness * change
+    return terms[i, 0] + terms[i, 1] + terms[i, 2] + terms[i, 3]
 
 
 @jit
-def observe_all(rows, view, planar, full, episodes, actions, status, out):
-    """After the physics of one control step: camera, observation, reward of every environment.
+def observe_blocks(blocks, first, last, terms, view, full, episodes, actions, status, out):
+    """After the physics of one control step: camera, observation, reward of the environments of some blocks.
 
     ``actions`` (num_envs, num_axes) in [-1, 1]. A rod that has diverged pays the largest tracking cost.
     """
-    for i in range(len(out.rewards)):
+    width, tracked = len(terms.lanes), len(view.nodes)
+    rows, ahead = blocks.reshape(len(blocks), -1, width), np.empty((tracked, 3))
+    for i in range(first * width, min(last * width, len(out.rewards))):
         episodes.steps[i] += 1
-        write_outcome(rows, view, planar, full, episodes, i, out, False)
-        distance = out.errors[i].mean() if status[i] == 0 else np.inf
-        out.rewards[i] = reward_of(distance, actions[i], episodes.action[i], view.scales, out.terms[i])
-        episodes.action[i] = actions[i]
+        write_outcome(rows, view, terms.planar, full, episodes, i, out, ahead, False)
+        distance = 0.0
+        for p in range(tracked):
+            distance += out.errors[i, p] / tracked
+        if status[i] != 0:
+            distance = np.inf
+        out.rewards[i] = reward_of(distance, actions, episodes.action, i, view.scales, out.terms)
 
 
 @jit
 def observe_some(rows, view, planar, full, episodes, which, out):
     """First observation of the environments ``which`` after their reset; their last action is what holds the start."""
+    ahead = np.empty((len(view.nodes), 3))
     for i in which:
         out.rewards[i] = 0.0
         out.terms[i] = 0.0
-        write_outcome(rows, view, planar, full, episodes, i, out, True)
+        write_outcome(rows, view, planar, full, episodes, i, out, ahead, True)
         for a in range(len(view.scales.limits)):
             episodes.action[i, a] = coil_fraction(out.fields[i], episodes, view.scales, i, a)
 
 
-@jit
-def write_outcome(rows, view, planar, full, episodes, i, out, first):
+@inline_jit
+def write_outcome(rows, view, planar, full, episodes, i, out, ahead, first):
     """Everything but the reward of environment ``i``."""
     width = rows.shape[2]
     for p in range(len(view.nodes)):
         node_position(rows, view, planar, view.nodes[p], i, out.positions[i, p])
     target_at(view.targets, episodes.place[i], view.control_time * episodes.steps[i], out.goals[i])
     for p in range(len(view.nodes)):
-        out.errors[i, p] = np.sqrt(((out.positions[i, p] - out.goals[i, p]) ** 2).sum())
-    out.fields[i] = 0.0
+        square = 0.0
+        for k in range(3):
+            square += (out.positions[i, p, k] - out.goals[i, p, k]) ** 2
+        out.errors[i, p] = np.sqrt(square)
+    for k in range(3):
+        out.fields[i, k] = 0.0
     for k in range(len(view.axes)):
         out.fields[i, view.axes[k]] = rows[i // width, FIELD + k, i % width]
     take_frame(out.positions[i], episodes, view.optics, i, first)
-    write_observation(rows, view, planar, full, episodes, i, out.observations[i], out.goals[i], out.fields[i])
+    write_observation(rows, view, planar, full, episodes, i, out.observations[i], out.goals[i], out.fields[i], ahead)
