@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from magrod_env.magnetics import _checks
+from magrod_env.magnetics import FieldCourse, _checks
 from magrod_env.resolution import Resolution, choose_resolution
 from magrod_env.rod.batch import PLANE_AXES, RodBatch
 from magrod_env.rod.energy import BENT, ENERGETIC, NOT_FINITE, STRETCHED
@@ -242,8 +242,9 @@ class Simulation:
 
         Args:
             duration: s.
-            field: T, world, (3,) or (num_rods, 3), constant over the duration; or a function of time (s) that returns
-                one, sampled in the middle of every step; None keeps the last.
+            field: T, world, (3,) or (num_rods, 3), constant over the duration; or a `FieldCourse`, or a function of
+                time (s) that returns one, taken in the middle of every step (a function costs a call in Python for
+                each, a `FieldCourse` does not); None keeps the last.
             gradient: T/m, (3, 3) or (num_rods, 3, 3): dB_i/dx_j; the field is then `field` + gradient @ position and
                 pulls the magnets; None keeps the last, which is zero after a reset.
 
@@ -270,13 +271,23 @@ class Simulation:
             table = None
             if callable(field):
                 middles = start + step * (first + 0.5 + np.arange(count))
-                fields = np.array([self._checked_field(field(float(middle))) for middle in middles])
+                fields = self._fields_at(field, middles)
                 self._check_field_strength(fields)
                 self._field = fields[-1]
                 table = self._batch.field_table(fields)
             self._batch.run(count, step, fields=table)
             self._time = start + (first + count) * step
         self._watch()
+
+    def _fields_at(self, field: Callable[[float], ArrayLike], times: np.ndarray) -> np.ndarray:
+        """Field of every rod at times (K,) s, T, (K, num_rods, 3)."""
+        if not isinstance(field, FieldCourse):
+            return np.array([self._checked_field(field(float(time))) for time in times])
+        fields = field.sample(times)
+        self._checked_field(fields[0])
+        fields = np.broadcast_to(fields[:, None] if fields.ndim == 2 else fields, (len(times), self.num_rods, 3))
+        self._check_in_plane(fields)
+        return fields
 
     def _watch(self) -> None:
         self._batch.watch()
@@ -298,14 +309,18 @@ class Simulation:
                 f"{'shape ' + str(array.shape) if array.size > 6 else repr(field)}: give world vectors in tesla."
             )
         array = np.array(np.broadcast_to(array, (self.num_rods, 3)))
-        if self.plane is not None:
-            across = ({0, 1, 2} - set(PLANE_AXES[self.plane])).pop()
-            if np.any(array[:, across] != 0.0):
-                raise ValueError(
-                    f"field must lie in the plane {self.plane!r} of this planar simulation, but got {field!r}: "
-                    "leave out the component across it, or use plane=None."
-                )
+        self._check_in_plane(array)
         return array
+
+    def _check_in_plane(self, fields: np.ndarray) -> None:
+        if self.plane is None:
+            return
+        across = fields[..., ({0, 1, 2} - set(PLANE_AXES[self.plane])).pop()]
+        if np.any(across != 0.0):
+            raise ValueError(
+                f"field must lie in the plane {self.plane!r} of this planar simulation, but got up to "
+                f"{np.abs(across).max():.3g} T across it: leave that component out, or use plane=None."
+            )
 
     def _set_field(self, field: np.ndarray) -> None:
         self._check_field_strength(field)
