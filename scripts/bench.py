@@ -30,6 +30,8 @@ import magrod_env  # noqa: F401  (registers the ids)
 from agents.rollout import REAL_RODS
 from magrod_env import Simulation, load_scene
 from scripts import ROOT, Check, Report, Table, least_time
+from scripts.bench_scaling import features, scaling
+from scripts.bench_targets import targets
 
 CIRCLE, PLANAR = "MagRod/Circle-v0", "MagRod/PlanarReach-v0"
 
@@ -284,8 +286,11 @@ def measure(args: Args) -> Report:
     """Every table, printed as it is ready."""
     report = Report("scripts.bench", args.quick)
     start_up(report, args.quick)
+    targets(report, args.quick, stepper, make)
     environments(report, args.quick)
     kernels(report, args.quick)
+    features(report, args.quick)
+    scaling(report, args.quick)
     frames(report, args.quick)
     memory(report, args.quick)
     return report

@@ -1,0 +1,107 @@
+"""A tolerance chooses elements, step and conditioning, and keeps what it promises."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+from magrod_env import Simulation, load_scene, resolution
+from magrod_env.simulation import resolution_for
+from scripts.accuracy import CASES, follow, reference
+
+FIELDS = {"free_decay": 0.0, "rotating_field": 17e-3, "gravity_rotating_field": 17e-3, "two_magnet_free_decay": 10e-3}
+
+
+def cost(simulation):
+    return simulation.num_elements / simulation.time_step
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
+@pytest.mark.parametrize("name", FIELDS)
+def test_tip_stays_within_the_tolerance_of_the_independent_solution(name, tolerance):
+    scene, field = CASES[name]
+    simulation = Simulation(scene, tolerance=tolerance, expected_field=FIELDS[name])
+    gap = follow(simulation, field)[:, 0] - reference(name)[:, 0]
+    assert np.sqrt(np.mean(np.sum(gap**2, axis=-1))) <= tolerance
+    assert simulation.resolution.error <= tolerance
+
+
+def test_a_tighter_tolerance_costs_more():
+    scene = CASES["gravity_rotating_field"][0]
+    loose, tight = (Simulation(scene, tolerance=tolerance, expected_field=17e-3) for tolerance in (1e-3, 1e-4))
+    assert cost(loose) < cost(tight)
+
+
+def test_a_wire_is_conditioned():
+    wire = Simulation(load_scene("niti_guidewire"), tolerance=1e-3, expected_field=20e-3)
+    assert wire.resolution.axial_softening > 30.0
+    assert wire.time_step > 10.0 * Simulation(wire.scene, num_elements=wire.num_elements).time_step
+
+
+def test_the_choice_is_made_once():
+    scene = CASES["rotating_field"][0]
+    assert resolution_for(scene, 1e-3, None, 17e-3) is resolution_for(scene, 1e-3, None, 17e-3)
+
+
+def test_planar_motion_may_have_a_tolerance():
+    scene = CASES["gravity_rotating_field"][0]
+    simulation = Simulation(scene, tolerance=1e-3, expected_field=10e-3, plane="xz")
+    simulation.advance(0.1, field=(0.0, 0.0, 5e-3))
+    assert simulation.resolution.num_elements <= 6
+
+
+@pytest.mark.parametrize("name", ["num_elements", "time_step", "axial_softening", "rotary_scaling"])
+def test_tolerance_beside_another_choice_is_refused(name):
+    value = 6 if name == "num_elements" else 1e-5 if name == "time_step" else 2.0
+    with pytest.raises(ValueError, match=f"{name} must be None beside a tolerance"):
+        Simulation(load_scene("paper5_circle"), tolerance=1e-3, **{name: value})
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1e-3, np.nan, "fine"])
+def test_bad_tolerance_is_refused(tolerance):
+    with pytest.raises(ValueError, match="tolerance must be"):
+        Simulation(load_scene("paper5_circle"), tolerance=tolerance)
+
+
+def test_tolerance_of_the_locking_element_is_refused():
+    with pytest.raises(ValueError, match='tolerance must be None with element="nodal"'):
+        Simulation(load_scene("paper5_circle"), tolerance=1e-3, element="nodal")
+
+
+@pytest.mark.parametrize("value", [-1.0, np.nan, "strong"])
+def test_bad_expected_field_is_refused(value):
+    with pytest.raises(ValueError, match="expected_field must be"):
+        Simulation(load_scene("paper5_circle"), expected_field=value)
+
+
+def test_a_tolerance_out_of_reach_says_what_to_do(monkeypatch):
+    monkeypatch.setattr(resolution, "LADDER", (3, 4, 5, 8))
+    with pytest.raises(ValueError, match=r"tolerance must be within reach of 8 elements.*expected_field"):
+        Simulation(load_scene("paper4_pdms_tip_magnet"), tolerance=1.1e-5, expected_field=5e-3)
+
+
+# ---- environments
+
+
+def test_environment_takes_a_tolerance():
+    env = gymnasium.make("MagRod/Circle-v0", tolerance=1e-3)
+    chosen = env.unwrapped.core.resolution
+    assert chosen.error <= 1e-3 and chosen.num_elements == env.unwrapped.core.num_elements
+    env.reset(seed=0)
+    assert not env.step(np.zeros(2, np.float32))[4]["diverged"]
+
+
+def test_environment_keeps_the_users_elements_without_conditioning():
+    core = gymnasium.make("MagRod/Circle-v0", num_elements=6).unwrapped.core
+    assert (core.num_elements, core.resolution.rotary_scaling) == (6, 1.0)
+
+
+def test_environment_conditions_another_scene_only_if_asked():
+    scene = load_scene("paper5_circle", modulus=2e6).replace(drag_rate=5.0)
+    assert gymnasium.make("MagRod/Circle-v0", scene=scene).unwrapped.core.resolution.rotary_scaling == 1.0
+    asked = gymnasium.make("MagRod/Circle-v0", scene=scene, rotary_scaling=4.0)
+    assert asked.unwrapped.core.resolution.rotary_scaling == 4.0
+
+
+def test_environment_refuses_tolerance_beside_elements():
+    with pytest.raises(ValueError, match="num_elements must be None beside a tolerance"):
+        gymnasium.make("MagRod/Circle-v0", tolerance=1e-3, num_elements=5)
