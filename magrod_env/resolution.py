@@ -21,6 +21,7 @@ ROTARY_PER_AXIAL = 2.0  # at this ratio the axial wave and the shear-rotation wa
 SPACE, CONDITIONING, TIME = 0.4, 0.25, 0.1  # shares of the tolerance; the rest is for loads that no pilot has seen
 DURATION, CONTROL_TIME, RISE = 2.0, 0.01, 0.4  # s: of a pilot, between its field's values, of its ramps
 NUM_LOADS = 8
+PLUCK = 0.1  # of the length: the largest swing of the tip in the pilots of a rod that no field moves
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -85,14 +86,14 @@ def choose_resolution(
         simulate: makes the simulation of a batch: num_rods, num_elements, axial_softening, rotary_scaling.
         tolerance: m.
         least_elements: as many as there are segments between magnets.
-        magnitude: of the pilots' field, T.
+        magnitude: of the pilots' field, T; where it is zero, pilots swing freely instead.
         axes: world axes of the motion.
         hanging: pilots start in equilibrium under gravity; else straight, so that gravity acts suddenly.
 
     Raises:
         ValueError: if no resolution of the ladder is good enough.
     """
-    search = _Search(simulate, pilot_fields(magnitude, axes), tolerance, hanging)
+    search = _Search(simulate, magnitude, axes, tolerance, hanging)
     rungs = [rung for rung in LADDER if rung >= max(LADDER[0], least_elements)]
     coarse = next((rung for rung in rungs if rung >= max(5, 2 * least_elements)), rungs[-1])
     tried, errors = search.conditioning(coarse)
@@ -123,8 +124,17 @@ class _Search:
     whose order is known is measured where it is large and runs are cheap.
     """
 
-    def __init__(self, simulate: Callable[..., Any], fields: np.ndarray, tolerance: float, hanging: bool) -> None:
-        self.simulate, self.fields, self.tolerance, self.hanging = simulate, fields, tolerance, hanging
+    def __init__(
+        self,
+        simulate: Callable[..., Any],
+        magnitude: float,
+        axes: tuple[int, ...],
+        tolerance: float,
+        hanging: bool,
+    ) -> None:
+        self.simulate, self.axes, self.tolerance, self.hanging = simulate, axes, tolerance, hanging
+        self.fields = pilot_fields(magnitude, axes)
+        self.swing: float | None = None  # largest speed of the tip in a plucked pilot, lengths a second
         self.known: dict[tuple[int, Conditioning, float], tuple[np.ndarray, float]] = {}
 
     def tips(self, num_elements: int, conditioning: Conditioning, finer_steps: float = 1.0) -> np.ndarray:
@@ -140,12 +150,30 @@ class _Search:
             )
             simulation.time_step /= finer_steps
             simulation.reset(field=np.zeros(3) if self.hanging else None)
+            if not self.fields.any():
+                self._pluck(simulation)
             tips = np.empty((len(self.fields), NUM_LOADS, 3))
             for k, field in enumerate(self.fields):
                 simulation.advance(CONTROL_TIME, field=field)
                 tips[k] = np.where(simulation.status[:, None] == 0, simulation.tip_position, np.nan)
             self.known[key] = tips, simulation.time_step
         return self.known[key]
+
+    def _pluck(self, simulation: Any) -> None:
+        """Start all but the first pilot with the velocities of a swing in the first bending mode, across the rod."""
+        if self.swing is None:
+            self.swing = 2.0 * math.pi * float(np.nanmin(simulation.natural_frequencies())) * PLUCK
+        length = simulation.arc_lengths[-1]
+        share = simulation.arc_lengths / length
+        shape = (6.0 * share**2 - 4.0 * share**3 + share**4) / 3.0  # of a rod under its own weight
+        slope = (12.0 * share - 12.0 * share**2 + 4.0 * share**3) / (3.0 * length)
+        velocities, spins = (np.zeros((NUM_LOADS, len(share), 3)) for _ in range(2))
+        for load in range(1, NUM_LOADS):
+            speed = self.swing * length * load / (NUM_LOADS - 1)
+            across = self.axes[1 + load % (len(self.axes) - 1)]
+            velocities[load, :, across] = speed * shape
+            spins[load, :, 3 - across] = speed * slope * (1.0 if across == 1 else -1.0)
+        simulation.set_motion(velocities, spins)
 
     def distance(self, one: np.ndarray, other: np.ndarray) -> float:
         """Largest RMS distance of two runs in any pilot, m; infinite where one was lost."""
