@@ -26,7 +26,7 @@ def draw_bound(report: Report, folder: Path) -> None:
     """Found over predicted steps, straight and bent."""
     import matplotlib.pyplot as plt
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4))
+    figure, (left, right) = plt.subplots(1, 2, figsize=(13, 6), gridspec_kw={"wspace": 0.7})
     table = report.tables["straight_bounds"]
     elements = [int(name.split("=")[1]) for name in table.columns[4:]]
     for row in table.rows:

@@ -193,8 +193,8 @@ def classify(runs) -> Verdict:
     Correct: within TOLERANCE of the finer run. Else the same elements with a quarter of the step tell what is coarse:
     the elements where it agrees; the step where errors fall with it as those of second order do; float32 where the
     same run in float64 is elsewhere.
-    Sensitive: fine runs, or runs under loads that differ by 1e-4, are as far from each other as half of the error.
-    What is left is wrong and silent, and so is every such run that made energy.
+    Sensitive: fine runs, or runs under loads that differ by 1e-4, are further from each other than TOLERANCE or half of
+    the error. What is left is wrong and silent, and so is every such run that made energy.
 
     Args:
         runs: called with a name, returns a Run: "asked", "finer" (more elements, smaller step), "double" (the same
@@ -227,7 +227,7 @@ def classify(runs) -> Verdict:
     if near <= half / SECOND_ORDER and far <= half * FAR:
         return Verdict("coarse", "step", **facts)
     for name, words in (("disturbed", "loads changed by 1e-4"), ("eighth", "finer runs disagree")):
-        if apart(runs(name), quarter) >= 0.5 * facts["step_error"]:
+        if apart(runs(name), quarter) > min(TOLERANCE, 0.5 * facts["step_error"]):
             return Verdict("sensitive", words, **facts)
     return Verdict("wrong and silent", "does not converge with the step", **facts)
 
