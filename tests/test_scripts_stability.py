@@ -180,6 +180,12 @@ def test_a_run_is_not_excused_by_finer_ones_that_fail():
     assert found.ending == "wrong and silent"
 
 
+def test_finer_runs_that_part_before_they_fail_make_a_sensitive_trial():
+    stopped = {name: Run(swing(phase)[:40], status=2) for name, phase in (("quarter", 0.0), ("eighth", 0.5))}
+    found = classify(Known(asked=swing(1.0), disturbed=stopped["quarter"], finer=swing(), **stopped))
+    assert (found.ending, found.reason) == ("sensitive", "finer runs disagree before they stop")
+
+
 def test_distance_is_relative_to_the_deflection():
     one, other = Run(swing(scale=1.1), complete=True), Run(swing(), complete=True)
     np.testing.assert_allclose(distance(one, other, LENGTH, "float64"), 0.1 / math.sqrt(2.0), rtol=0.01)

@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from scripts import Check, Report, Table
 from scripts.stability.drawing import COURSES, Trial, draw, own_time
-from scripts.stability.verdict import ENDINGS, Runs, Verdict, judge
+from scripts.stability.verdict import ENDINGS, ENERGY_MADE, TOLERANCE, Runs, Verdict, judge
 
 SCENES = {False: 5000, True: 100}
 BUDGET = {False: 0.2, True: 0.05}  # s, for the finer run
@@ -141,7 +141,12 @@ def extreme(report: Report, quick: bool, path: Path | None) -> list[dict[str, An
     records = campaign(seeds, quick, path)
     kinds = sorted({line["kind"] for line in records})
     spread = np.quantile([line["periods"] for line in records if line["periods"] is not None], (0.1, 0.5, 0.9))
-    note = f"Simulated: {spread[0]:.2g}, {spread[1]:.2g}, {spread[2]:.2g} own periods (least, middle, most tenth)."
+    risen = sum(line["ending"] == "correct" and line["energy_made"] > ENERGY_MADE for line in records)
+    note = (
+        f"Simulated: {spread[0]:.2g}, {spread[1]:.2g} and {spread[2]:.2g} own periods (first, middle and last tenth). "
+        f"Of the correct ones, {risen} ended with a tip within {100 * TOLERANCE:g} % although the energy rose by more "
+        f"than a tenth beyond what the field put in."
+    )
     report.show("extreme_kinds", counts(records, "Extreme scenes: endings by kernel", "kind", kinds, note))
     report.show("extreme_courses", counts(records, "Extreme scenes: endings by field", "course", list(COURSES)))
     report.show("extreme_steps", counts(records, "Extreme scenes: endings by time step", "step", ["default", "given"]))

@@ -133,8 +133,9 @@ def stiff(report: Report, quick: bool) -> None:
             table.rows.append((*row, 1e3 * rms, 1e3 * float(errors.max()), 1e3 * float(span)))
     table.note = (
         "One rod on one core, float64. Errors against 24 elements at half of their default step; RMS distance of that "
-        f"from 16 elements: {'; '.join(notes)}. Plucked: released in the first mode at full speed, which a tolerance "
-        "does not promise: its pilots start straight and at rest and, with gravity along a rod without magnets, stay so."
+        f"from 16 elements: {'; '.join(notes)}. Plucked: released in the first mode at full speed, which a "
+        "tolerance does not promise: its pilots start straight and at rest and, with gravity along a rod without "
+        "magnets, stay so."
         if notes
         else "Quick: against 8 elements."
     )

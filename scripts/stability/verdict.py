@@ -159,8 +159,14 @@ def distance(one: Run, other: Run, length: float, precision: str) -> float:
     """RMS distance of the tips over the largest distance of `other` from the straight rod's, `length` (m) from the
     clamp; infinite where one did not get to the end.
     """
-    if not (one.complete and other.complete):
-        return math.inf
+    return prefix_distance(one, other, length, precision) if one.complete and other.complete else math.inf
+
+
+def prefix_distance(one: Run, other: Run, length: float, precision: str) -> float:
+    """The same over the samples before either was stopped or lost its finite numbers."""
+    whole = [np.isfinite(run.tips).all(axis=1) for run in (one, other)]
+    common = min(len(some) if some.all() else int(np.argmin(some)) for some in whole)
+    one, other = (Run(run.tips[:common]) for run in (one, other))
     excursion = float(np.linalg.norm(other.tips - (length, 0.0, 0.0), axis=1).max())
     rms = float(np.sqrt(np.mean(np.sum((one.tips - other.tips) ** 2, axis=1))))
     return rms / max(excursion, LEAST_EXCURSION[precision] * length)
@@ -220,6 +226,9 @@ def classify(runs) -> Verdict:
     if made > ENERGY_MADE:
         return Verdict("wrong and silent", "energy made", **facts)
     if not math.isfinite(facts["step_error"]):
+        for name in ("disturbed", "eighth"):
+            if prefix_distance(runs(name), quarter, runs.length, runs.precision) > TOLERANCE:
+                return Verdict("sensitive", "finer runs disagree before they stop", **facts)
         return Verdict("wrong and silent", "smaller steps do not get to the end", **facts)
     if runs.precision == "float32" and apart(runs("double"), asked) > 0.5 * facts["step_error"]:
         return Verdict("coarse", "float32", **facts)
