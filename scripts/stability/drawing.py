@@ -1,0 +1,234 @@
+"""Random scenes far beyond the usual ones, one for each seed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from magrod_env import Magnet, Rod, Scene
+from magrod_env.magnetics import dipole_moment
+
+GRAVITY = 9.81  # m/s^2
+SMALL_TURN = (1e-2, 0.3)  # rad: how far a field beyond the critical one lies off the line against the dipole
+COURSES = ("step", "reversal", "ramp", "antiparallel", "resonance", "turning")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a kernel is compiled for. Scenes are drawn from few kinds, since each compiles for half a minute."""
+
+    name: str
+    magnets: int = 1
+    gravity: bool = True
+    drag: bool = False
+    damping: bool = False
+    element: str = "helical"
+    plane: str | None = None
+    precision: str = "float64"
+    weight: float = 1.0
+
+
+KINDS = (
+    Kind("one magnet", weight=3.0),
+    Kind("one magnet, weightless", gravity=False, weight=2.0),
+    Kind("no magnet", magnets=0),
+    Kind("two magnets, drag", magnets=2, drag=True, weight=1.5),
+    Kind("three magnets, drag", magnets=3, drag=True, weight=1.5),
+    Kind("one magnet, internal damping", damping=True, weight=1.5),
+    Kind("one magnet, planar", plane="xz", weight=1.5),
+    Kind("two magnets, drag, planar", magnets=2, drag=True, plane="xz"),
+    Kind("one magnet, nodal", element="nodal"),
+    Kind("one magnet, nodal, planar", element="nodal", plane="xz", weight=0.5),
+    Kind("one magnet, float32", precision="float32", weight=1.5),
+)
+QUICK = ("one magnet", "one magnet, planar", "one magnet, nodal", "one magnet, float32")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A scene, how it is driven and how it is resolved.
+
+    Args:
+        seed: makes the trial again.
+        kind: of its kernel.
+        scene: rod, magnets and loads.
+        course: one of COURSES.
+        field: magnitude, T, of the strongest field.
+        first: world direction of the field, (3,).
+        second: the other direction where the field turns, (3,).
+        tuning: frequency of the field over the first natural one.
+        hanging: start from the equilibrium under gravity, else straight.
+        periods: to simulate, of the scene's own time (see `own_time`).
+        num_elements: along the rod.
+        share: of the bound in the strongest field that the step is; None for the default step.
+        told: whether the simulation is told of the strongest field (`expected_field`).
+        axial_softening, rotary_scaling: conditioning.
+    """
+
+    seed: int
+    kind: Kind
+    scene: Scene
+    course: str
+    field: float
+    first: np.ndarray
+    second: np.ndarray
+    tuning: float
+    hanging: bool
+    periods: float
+    num_elements: int
+    share: float | None
+    told: bool
+    axial_softening: float
+    rotary_scaling: float
+
+    def fields(self, times: np.ndarray, duration: float, period: float) -> np.ndarray:
+        """Field (len(times), 3) T at some times (s) of a run of `duration` (s); `period` (s) of the first mode."""
+        x, phase = times / duration, 2.0 * math.pi * self.tuning * times / period
+        along = {
+            "step": np.ones_like(x),
+            "reversal": np.where(x < 0.5, 1.0, -1.0),
+            "ramp": x,
+            "antiparallel": np.ones_like(x),
+            "resonance": np.sin(phase),
+            "turning": np.cos(phase),
+        }[self.course]
+        across = np.sin(phase) if self.course == "turning" else np.zeros_like(x)
+        return self.field * (np.outer(along, self.first) + np.outer(across, self.second))
+
+
+def first_period(scene: Scene) -> float:
+    """Period, s, of the first bending mode of the straight rod, by Rayleigh's quotient of its shape under an end
+    load.
+    """
+    rod, heavy = scene.rod, 33.0 / 140.0 * scene.rod.mass
+    for magnet in scene.magnets:
+        x = magnet.position / rod.length
+        heavy += magnet.mass * (0.5 * x * x * (3.0 - x)) ** 2
+    return 2.0 * math.pi * math.sqrt(heavy * rod.length**3 / (3.0 * rod.bending_stiffness))
+
+
+def own_time(scene: Scene, field: float) -> float:
+    """The first period, shortened by a field (T) and a weight that act more strongly than the bending stiffness, s."""
+    rod, load = scene.rod, sum(magnet.moment for magnet in scene.magnets) * field * scene.rod.length
+    if scene.gravity is not None:
+        arms = 0.5 * rod.mass * rod.length + sum(magnet.mass * magnet.position for magnet in scene.magnets)
+        load += np.linalg.norm(scene.gravity) * arms * rod.length
+    return first_period(scene) / math.sqrt(1.0 + load / rod.bending_stiffness)
+
+
+def draw(seed: int, quick: bool = False) -> Trial:
+    """The trial of a seed; `quick` draws from fewer kinds and fewer elements."""
+    rng = np.random.default_rng(seed)
+    kinds = [kind for kind in KINDS if not quick or kind.name in QUICK]
+    weights = np.array([kind.weight for kind in kinds])
+    kind = kinds[rng.choice(len(kinds), p=weights / weights.sum())]
+    rod = _rod(rng)
+    magnets = _magnets(rng, rod, kind)
+    scene = Scene(
+        rod=rod,
+        magnets=magnets,
+        gravity=tuple(GRAVITY * _direction(rng, kind.plane)) if kind.gravity else None,
+        drag_rate=_rate(rng, rod, magnets) if kind.drag else None,
+        internal_damping=None,
+    )
+    num_elements = max(len(scene.segment_ends), int(_log(rng, 1.0, 17.0 if quick else 65.0)))
+    if kind.damping:
+        scene = scene.replace(internal_damping=_damping(rng, scene, num_elements))
+    course = COURSES[rng.choice(len(COURSES))]
+    first = _direction(rng, kind.plane)
+    if course == "antiparallel" and magnets:
+        against = -np.sum([magnet.dipole_moment for magnet in magnets], axis=0)
+        if np.linalg.norm(against) > 0.0:
+            turned = against / np.linalg.norm(against) + _log(rng, *SMALL_TURN) * first
+            first = turned / np.linalg.norm(turned)
+    second = np.cross(first, (0.0, 1.0, 0.0)) if kind.plane else np.cross(first, _direction(rng, None))
+    second = second / np.linalg.norm(second)
+    conditioned = rng.random() < 0.25
+    return Trial(
+        seed=seed,
+        kind=kind,
+        scene=scene,
+        course=course,
+        field=_magnitude(rng, rod, magnets, course),
+        first=first,
+        second=second,
+        tuning=rng.uniform(0.9, 1.1),
+        hanging=bool(rng.random() < 0.25 and magnets),
+        periods=rng.uniform(1.0, 4.0) if rng.random() < 0.85 else _log(rng, 4.0, 40.0),
+        num_elements=num_elements,
+        share=rng.uniform(0.6, 0.99) if rng.random() < 0.4 else None,
+        told=bool(rng.random() < 0.7),
+        axial_softening=_log(rng, 1.0, 1e4) if conditioned else 1.0,
+        rotary_scaling=_log(rng, 1.0, 1e4) if conditioned else 1.0,
+    )
+
+
+def _log(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(math.exp(rng.uniform(math.log(low), math.log(high))))
+
+
+def _direction(rng: np.random.Generator, plane: str | None) -> np.ndarray:
+    vector = rng.normal(size=3)
+    if plane == "xz":
+        vector[1] = 0.0
+    return vector / np.linalg.norm(vector)
+
+
+def _rod(rng: np.random.Generator) -> Rod:
+    length, slenderness = _log(rng, 5e-3, 0.5), _log(rng, 3.0, 2000.0)
+    make = Rod.circular if rng.random() < 0.8 else Rod.square
+    size = {"diameter" if make == Rod.circular else "edge": length / slenderness}
+    return make(
+        length=length,
+        density=rng.uniform(900.0, 8000.0),
+        youngs_modulus=_log(rng, 1e3, 200e9),
+        poissons_ratio=rng.uniform(0.0, 0.5),
+        **size,
+    )
+
+
+def _magnets(rng: np.random.Generator, rod: Rod, kind: Kind) -> tuple[Magnet, ...]:
+    """Cylinders up to a few of the rod's diameters long, light to a hundred times the rod's mass; the first mostly at
+    the tip.
+    """
+    magnets = []
+    for number in range(kind.magnets):
+        at_tip = number == 0 and rng.random() < 0.7
+        position = rod.length * (1.0 if at_tip else rng.uniform(0.02, 0.999))
+        volume = 0.25 * math.pi * (rng.uniform(0.2, 1.0) * rod.width) ** 2 * rng.uniform(0.3, 3.0) * rod.width
+        along = (1.0, 0.0, 0.0) if rng.random() < 0.6 else tuple(_direction(rng, kind.plane))
+        if rng.random() < 0.3:
+            along = tuple(-x for x in along)
+        mass = 7500.0 * volume if rng.random() < 0.6 else rod.mass * _log(rng, 1e-3, 100.0)
+        moment = dipole_moment(rng.uniform(1.0, 1.4), volume)
+        magnets.append(Magnet(position=position, moment=moment, mass=mass, direction=along))
+    return tuple(magnets)
+
+
+def _rate(rng: np.random.Generator, rod: Rod, magnets: tuple[Magnet, ...]) -> float:
+    """Drag, 1/s: up to a hundredfold critical."""
+    if rng.random() < 0.2:
+        return 0.0
+    return _log(rng, 1e-2, 1e2) * 2.0 * math.pi / first_period(Scene(rod=rod, magnets=magnets))
+
+
+def _damping(rng: np.random.Generator, scene: Scene, num_elements: int) -> float:
+    """Kelvin-Voigt time, s: a part of the first period, or of the highest, which an explicit step can follow."""
+    rod = scene.rod
+    highest = 2.0 * num_elements / rod.length * math.sqrt(rod.youngs_modulus / rod.density)
+    if rng.random() < 0.7:
+        return _log(rng, 1e-3, 10.0) / highest
+    return _log(rng, 1e-4, 0.3) * first_period(scene)
+
+
+def _magnitude(rng: np.random.Generator, rod: Rod, magnets: tuple[Magnet, ...], course: str) -> float:
+    """1 mT to 10 T; mostly about EI/(m L), at which a field against the dipole buckles the rod."""
+    anywhere, relative = _log(rng, 1e-3, 10.0), _log(rng, 0.1, 10.0)
+    if not magnets or (rng.random() < 0.3 and course != "antiparallel"):
+        return anywhere
+    largest = max(magnet.moment for magnet in magnets)
+    if course == "antiparallel":
+        relative = max(relative, 1.0 / relative)
+    return float(np.clip(relative * rod.bending_stiffness / (largest * rod.length), 1e-3, 10.0))

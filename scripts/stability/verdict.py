@@ -1,0 +1,281 @@
+"""Runs of one trial and what they say about it: correct, coarse, reported, sensitive, or wrong and silent."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from magrod_env import Simulation, StabilityError
+from magrod_env.rod.energy import ENERGETIC, NOT_FINITE
+from magrod_env.simulation import _SYMPTOMS
+from scripts.stability.drawing import Trial, first_period, own_time
+
+TOLERANCE = 0.05  # of the tip's largest distance from the straight rod's, RMS over the run
+LEAST_EXCURSION = {"float64": 1e-9, "float32": 1e-4}  # lengths of the rod: below, rounding is all there is
+DISTURBANCE = 1e-4  # of the loads, relative and in direction (rad)
+ENERGY_MADE = 0.1  # of the largest kinetic and elastic energy: what a stable run's ripple may pretend to make
+SECOND_ORDER = 2.0  # least ratio of the errors of half and a quarter of the step, judged by an eighth: 5 in theory
+FAR = 20.0  # largest ratio of those of the step and its half: 4.2 in theory, 12 at the stability limit
+INTERVALS, STEPS_AN_INTERVAL = 120, 8  # of constant field: at most, and at least
+NANOSECONDS = {None: 170.0, "xz": 60.0}  # of a step and element, to plan with
+ENDINGS = ("correct", "coarse", "reported", "sensitive", "wrong and silent")
+
+
+@dataclass
+class Run:
+    """What one simulation did.
+
+    Args:
+        tips: (samples, 3) m; fewer than asked for where it was stopped.
+        status: of the simulation; 0 where all was well.
+        refusal: message of a ValueError or StabilityError; "" where there was none.
+        energy_made: largest rise, J, of the energy beyond what the field put in, over any stretch of the run.
+        inner: largest kinetic and elastic energy, J.
+        time_step: s.
+        complete: whether it got to the end with finite numbers.
+    """
+
+    tips: np.ndarray
+    status: int = 0
+    refusal: str = ""
+    energy_made: float = 0.0
+    inner: float = 0.0
+    time_step: float = math.nan
+
+    complete: bool = False
+
+    @property
+    def well(self) -> bool:
+        """Whether nothing was reported."""
+        return self.status == 0 and not self.refusal
+
+    @property
+    def symptom(self) -> str:
+        """What was reported, in short."""
+        if self.refusal:
+            return self.refusal
+        return "" if self.status == 0 else _SYMPTOMS[self.status].split(":")[0]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Common times of all runs of a trial: `intervals` equal ones over `duration` (s)."""
+
+    duration: float
+    intervals: int
+
+
+def build(trial: Trial, num_elements: int, precision: str | None = None, default: bool = False) -> Simulation:
+    """The simulation of a trial with this many elements; `default`: with the default step, told of the field."""
+    kind = trial.kind
+    options = dict(
+        num_elements=num_elements,
+        element=kind.element,
+        plane=kind.plane,
+        precision=precision or kind.precision,
+        axial_softening=trial.axial_softening,
+        rotary_scaling=trial.rotary_scaling,
+        on_failure="report",
+    )
+    strongest = {"expected_field": trial.field} if default or trial.told else {}
+    simulation = Simulation(trial.scene, **options, **strongest)
+    if trial.share is None or default:
+        return simulation
+    step = trial.share * simulation.stable_time_step_in(trial.field)
+    return Simulation(trial.scene, **options, **strongest, time_step=step)
+
+
+def finer_elements(num_elements: int) -> int:
+    """Elements of the run that judges another: twice as many, at least 6; half as many more where they are many."""
+    return max(6, 2 * num_elements) if num_elements <= 12 else math.ceil(1.5 * num_elements)
+
+
+def plan(trial: Trial, coarse: Simulation, finer: Simulation, budget: float) -> Plan:
+    """A few periods, or what the finer run can do in about `budget` seconds."""
+    duration = trial.periods * own_time(trial.scene, trial.field)
+    affordable = 1e9 * budget / (NANOSECONDS[trial.kind.plane] * finer.num_elements) * finer.time_step
+    duration = min(duration, affordable)
+    return Plan(duration, max(1, min(INTERVALS, int(duration / coarse.time_step) // STEPS_AN_INTERVAL)))
+
+
+def disturbed(trial: Trial) -> Trial:
+    """The same trial with all loads a little stronger and turned."""
+
+    def moved(vector):
+        aside = np.cross(vector, (0.0, 1.0, 0.0) if trial.kind.plane else (0.36, 0.48, 0.8))
+        return np.asarray(vector) + DISTURBANCE * (np.asarray(vector) + aside)
+
+    scene = trial.scene
+    if scene.gravity is not None:
+        scene = scene.replace(gravity=tuple(moved(scene.gravity)))
+    return dataclasses.replace(trial, scene=scene, first=moved(trial.first), second=moved(trial.second))
+
+
+def follow(trial: Trial, simulation: Simulation, plan: Plan, to_the_end: bool = True) -> Run:
+    """Run a simulation over a plan, its field constant in every interval.
+
+    The field does work only where it changes: what the energy gains in between, the integrator has made. `to_the_end`
+    goes on after a report that an element is stretched or bent too far for the model, as long as numbers are finite:
+    one run may touch that limit and another just not.
+    """
+    length = plan.duration / plan.intervals
+    times = length * (np.arange(plan.intervals) + 0.5)
+    fields = trial.fields(times, plan.duration, first_period(trial.scene))
+    run = Run(np.empty((0, 3)), time_step=simulation.time_step)
+    gained, least, tips = 0.0, 0.0, []
+    try:
+        simulation.reset(field=np.zeros(3) if trial.hanging else None)
+        tips.append(simulation.tip_position[0])
+        for field in fields:
+            simulation.advance(0.0, field=field)
+            before = float(simulation.energy()[0])
+            simulation.advance(length)
+            parts = simulation.energies()
+            tips.append(simulation.tip_position[0])
+            run.status = int(simulation.status[0])
+            if run.status in (NOT_FINITE, ENERGETIC) or (run.status and not to_the_end):
+                break
+            gained += sum(float(part[0]) for part in parts.values()) - before
+            least = min(least, gained)
+            run.energy_made = max(run.energy_made, gained - least)
+            run.inner = max(run.inner, float(parts["kinetic"][0] + parts["elastic"][0]))
+    except (ValueError, StabilityError) as error:
+        run.refusal = "no stable equilibrium to start from" if isinstance(error, StabilityError) else refused(error)
+    run.tips = np.array(tips).reshape(-1, 3)
+    run.complete = len(run.tips) == plan.intervals + 1 and bool(np.isfinite(run.tips).all())
+    return run
+
+
+def refused(error: ValueError) -> str:
+    """A refusal in short: what it is about."""
+    words = str(error)
+    return "step beyond the bound in this field" if "in a field of" in words else words.split(",")[0]
+
+
+def distance(one: Run, other: Run, length: float, precision: str) -> float:
+    """RMS distance of the tips over the largest distance of `other` from the straight rod's, `length` (m) from the
+    clamp; infinite where one did not get to the end.
+    """
+    return prefix_distance(one, other, length, precision) if one.complete and other.complete else math.inf
+
+
+def prefix_distance(one: Run, other: Run, length: float, precision: str) -> float:
+    """The same over the samples before either was stopped or lost its finite numbers."""
+    whole = [np.isfinite(run.tips).all(axis=1) for run in (one, other)]
+    common = min(len(some) if some.all() else int(np.argmin(some)) for some in whole)
+    one, other = (Run(run.tips[:common]) for run in (one, other))
+    excursion = float(np.linalg.norm(other.tips - (length, 0.0, 0.0), axis=1).max())
+    rms = float(np.sqrt(np.mean(np.sum((one.tips - other.tips) ** 2, axis=1))))
+    return rms / max(excursion, LEAST_EXCURSION[precision] * length)
+
+
+@dataclass
+class Verdict:
+    """How a trial ended, why, and the numbers behind it.
+
+    Args:
+        ending: one of ENDINGS.
+        reason: what was reported, or which of elements, step and float32 is coarse, or what makes it sensitive.
+        error: distance of the tip from the finer run, in its largest excursion.
+        step_error: the same from a quarter of the step with the same elements; None where it was not run.
+        energy_made: in units of the largest kinetic and elastic energy.
+        finer: what the finer run reported; "" where it was well, "not run" where the asked one was refused.
+    """
+
+    ending: str
+    reason: str = ""
+    error: float | None = None
+    step_error: float | None = None
+    energy_made: float | None = None
+    finer: str = ""
+
+
+def classify(runs) -> Verdict:
+    """The verdict from runs that are made when asked for.
+
+    Correct: within TOLERANCE of the finer run. Else the same elements with a quarter of the step tell what is coarse:
+    the elements where it agrees; the step where errors fall with it as those of second order do; float32 where the
+    same run in float64 is elsewhere.
+    Sensitive: fine runs, or runs under loads that differ by 1e-4, are further from each other than TOLERANCE or half of
+    the error. What is left is wrong and silent, and so is every such run that made energy.
+
+    Args:
+        runs: called with a name, returns a Run: "asked", "finer" (more elements, smaller step), "double" (the same
+            in float64), "half", "quarter" and "eighth" (of the step, same elements), "disturbed" (a quarter of the
+            step, loads changed by 1e-4); and has the attributes `precision` and `length` (of the rod, m).
+    """
+    asked = runs("asked")
+    if not asked.well:
+        return Verdict("reported", asked.symptom, finer=runs("finer").symptom if asked.status else "not run")
+    finer = runs("finer")
+
+    def apart(one, other):
+        return distance(one, other, runs.length, runs.precision)
+
+    made = asked.energy_made / asked.inner if asked.inner > 0.0 else 0.0
+    facts = dict(error=apart(asked, finer), energy_made=made, finer=finer.symptom)
+    if facts["error"] <= TOLERANCE:
+        return Verdict("correct", **facts)
+    quarter = runs("quarter")
+    facts["step_error"] = apart(asked, quarter)
+    if facts["step_error"] <= TOLERANCE:
+        return Verdict("coarse", "elements", **facts)
+    if made > ENERGY_MADE:
+        return Verdict("wrong and silent", "energy made", **facts)
+    if not math.isfinite(facts["step_error"]):
+        for name in ("disturbed", "eighth"):
+            if prefix_distance(runs(name), quarter, runs.length, runs.precision) > TOLERANCE:
+                return Verdict("sensitive", "finer runs disagree before they stop", **facts)
+        return Verdict("wrong and silent", "smaller steps do not get to the end", **facts)
+    if runs.precision == "float32" and apart(runs("double"), asked) > 0.5 * facts["step_error"]:
+        return Verdict("coarse", "float32", **facts)
+    far, half, near = (apart(runs(name), runs("eighth")) for name in ("asked", "half", "quarter"))
+    if near <= half / SECOND_ORDER and far <= half * FAR:
+        return Verdict("coarse", "step", **facts)
+    for name, words in (("disturbed", "loads changed by 1e-4"), ("eighth", "finer runs disagree")):
+        if apart(runs(name), quarter) > min(TOLERANCE, 0.5 * facts["step_error"]):
+            return Verdict("sensitive", words, **facts)
+    return Verdict("wrong and silent", "does not converge with the step", **facts)
+
+
+class Runs:
+    """The runs of a trial, each made once, when asked for."""
+
+    def __init__(self, trial: Trial, budget: float) -> None:
+        self.trial, self.precision, self.length = trial, trial.kind.precision, trial.scene.rod.length
+        self.known: dict[str, Run] = {}
+        self.plan: Plan | None = None
+        self.coarse = self.fine = None
+        try:
+            self.coarse = build(trial, trial.num_elements)
+        except ValueError as error:
+            self.known["asked"] = Run(np.empty((0, 3)), refusal=refused(error))
+            return
+        self.fine = build(trial, finer_elements(trial.num_elements), "float64", default=True)
+        self.fine.time_step = min(self.fine.time_step, 0.5 * self.coarse.time_step)
+        self.plan = plan(trial, self.coarse, self.fine, budget)
+
+    def __call__(self, name: str) -> Run:
+        if name not in self.known:
+            self.known[name] = self._run(name)
+        return self.known[name]
+
+    def _run(self, name: str) -> Run:
+        if name == "asked":
+            return follow(self.trial, self.coarse, self.plan, to_the_end=False)
+        if name == "finer":
+            return follow(self.trial, self.fine, self.plan)
+        share = {"double": 1.0, "half": 0.5, "quarter": 0.25, "disturbed": 0.25, "eighth": 0.125}[name]
+        trial = disturbed(self.trial) if name == "disturbed" else self.trial
+        simulation = build(trial, trial.num_elements, "float64", default=True)
+        simulation.time_step = share * self.coarse.time_step
+        return follow(trial, simulation, self.plan)
+
+
+def judge(trial: Trial, budget: float) -> tuple[Verdict, Runs]:
+    """The verdict on a trial and the runs behind it."""
+    runs = Runs(trial, budget)
+    return classify(runs), runs

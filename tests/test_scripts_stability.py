@@ -1,0 +1,262 @@
+"""Smoke test of scripts/stability, and its judgement on runs whose fate is known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from magrod_env import Simulation
+from scripts.stability import extreme
+from scripts.stability.bound import disturb, first_failure, grows, limit, silent_simulation, undamped
+from scripts.stability.drawing import COURSES, KINDS, draw, first_period
+from scripts.stability.long import axial_momentum, drift, start_swinging, swinging_scene, verdict
+from scripts.stability.stiff import TASKS, first_mode, perform
+from scripts.stability.verdict import ENDINGS, Run, build, classify, distance, finer_elements
+from tests.test_scripts_bench import assert_well_formed, columns, run_quick
+
+LENGTH = 0.1
+TIMES = np.linspace(0.0, 1.0, 101)
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    return run_quick("scripts.stability", tmp_path_factory.mktemp("stability"))
+
+
+# ---- the program
+
+
+def test_report_is_well_formed(report):
+    printed, content = report
+    silent = content["tables"].pop("extreme_silent")
+    assert silent["rows"] == [] and silent["note"] == "None."
+    assert_well_formed(printed, content, "scripts.stability")
+    assert {"straight_bounds", "state_bounds", "paper_steps", "long", "stiff"} <= set(content["tables"])
+
+
+def test_all_figures_are_met(report):
+    checks = report[1]["checks"]
+    assert {check["figure"] for check in checks} == {"bound", "long", "extreme"}
+    assert [check["what"] for check in checks if not check["met"]] == []
+
+
+def test_every_scene_has_one_ending_and_none_is_silent(report):
+    table = report[1]["tables"]["extreme_kinds"]
+    (*_, (name, scenes, *counts)) = columns(table, "kind", "scenes", *ENDINGS)
+    assert name == "all" and scenes == sum(counts) == extreme.SCENES[True]
+    ending = dict(zip(ENDINGS, counts))
+    assert ending["wrong and silent"] == 0
+    assert ending["correct"] > 0.3 * scenes and ending["reported"] > 0
+
+
+# ---- random scenes
+
+
+def test_a_seed_makes_the_same_trial_again():
+    one, other = draw(17), draw(17)
+    assert one.scene == other.scene and one.num_elements == other.num_elements and one.share == other.share
+    np.testing.assert_array_equal(one.first, other.first)
+
+
+def test_trials_are_within_the_promised_ranges_and_cover_them():
+    trials = [draw(seed) for seed in range(400)]
+    rods = [trial.scene.rod for trial in trials]
+    for values, low, high in (
+        ([rod.youngs_modulus for rod in rods], 1e3, 200e9),
+        ([rod.length / rod.width for rod in rods], 3.0, 2000.0),
+        ([trial.field for trial in trials], 1e-3, 10.0),
+        ([trial.num_elements for trial in trials], 1, 64),
+    ):
+        assert low * (1 - 1e-9) <= min(values) < 3.0 * low and high / 3.0 < max(values) <= high * (1 + 1e-9)
+    assert {trial.course for trial in trials} == set(COURSES)
+    assert {trial.kind.name for trial in trials} == {kind.name for kind in KINDS}
+    for trial in trials:
+        fields = trial.fields(TIMES, 1.0, 0.3)
+        assert np.linalg.norm(fields, axis=1).max() <= trial.field * (1 + 1e-9)
+        if trial.kind.plane:
+            assert not fields[:, 1].any()
+
+
+def test_the_first_period_is_about_that_of_the_linearised_rod():
+    checked = 0
+    for seed in range(40):
+        trial = draw(seed)
+        rod = trial.scene.rod
+        if trial.kind.element == "helical" and trial.kind.damping is False and rod.length > 20.0 * rod.width:
+            frequency = Simulation(trial.scene, num_elements=12).natural_frequencies()[0]
+            np.testing.assert_allclose(first_period(trial.scene) * frequency, 1.0, rtol=0.15)
+            checked += 1
+    assert checked > 5
+
+
+def test_finished_seeds_are_taken_from_the_file(tmp_path, monkeypatch):
+    path = tmp_path / "extreme.jsonl"
+    judged = []
+    monkeypatch.setattr(extreme, "judge", lambda trial, budget: judged.append(trial.seed) or (None, None))
+    monkeypatch.setattr(extreme, "record", lambda trial, *_: {"seed": trial.seed, "ending": "correct"})
+    first = extreme.campaign(range(3), True, path)
+    assert extreme.campaign(range(5), True, path)[:3] == first
+    assert judged == [0, 1, 2, 3, 4]
+    assert len(path.read_text().splitlines()) == 5
+
+
+# ---- the verdict
+
+
+class Known:
+    """Runs that are given instead of simulated; "asked" made `made` J of energy."""
+
+    length = LENGTH
+
+    def __init__(self, precision="float64", made=0.0, **tips):
+        self.precision, self.tips, self.made = precision, tips, made
+
+    def __call__(self, name):
+        tips = self.tips.get(name, self.tips["finer"])
+        run = tips if isinstance(tips, Run) else Run(tips, complete=True, inner=1.0)
+        if name == "asked":
+            run.energy_made = self.made
+        return run
+
+
+def swing(phase=0.0, scale=1.0):
+    """Tip of a rod that swings by 2 cm."""
+    turn = 2.0 * math.pi * TIMES + phase
+    return np.stack([0.0 * TIMES + LENGTH, 0.0 * TIMES, 0.02 * scale * np.sin(turn)], axis=1)
+
+
+STOPPED = Run(swing()[:7], status=1)
+
+
+def test_a_run_near_the_finer_one_is_correct():
+    found = classify(Known(asked=swing(0.03), finer=swing()))
+    assert found.ending == "correct" and 0.0 < found.error < 0.05
+
+
+def test_what_was_reported_or_refused_is_reported():
+    assert classify(Known(asked=STOPPED, finer=swing())).reason == "its state is not finite"
+    refused = classify(Known(asked=Run(np.empty((0, 3)), refusal="step too long"), finer=swing()))
+    assert (refused.ending, refused.reason, refused.finer) == ("reported", "step too long", "not run")
+
+
+def test_elements_are_coarse_where_smaller_steps_change_nothing():
+    found = classify(Known(asked=swing(0.3), quarter=swing(0.299), finer=swing()))
+    assert (found.ending, found.reason) == ("coarse", "elements")
+
+
+def test_a_step_is_coarse_where_its_error_is_of_second_order():
+    phases = {"asked": 0.32, "half": 0.08, "quarter": 0.02, "eighth": 0.005}
+    found = classify(Known(**{name: swing(phase) for name, phase in phases.items()}, finer=swing()))
+    assert (found.ending, found.reason) == ("coarse", "step")
+
+
+def test_float32_is_coarse_where_float64_is_elsewhere():
+    runs = dict(asked=swing(0.3), double=swing(0.001), finer=swing())
+    assert classify(Known("float32", **runs)).reason == "float32"
+    assert classify(Known("float64", **runs)).ending == "wrong and silent"
+
+
+def test_fine_runs_that_differ_among_themselves_make_a_sensitive_trial():
+    phases = {"asked": 0.3, "half": 1.0, "quarter": 2.0, "eighth": 3.0, "disturbed": 2.0}
+    found = classify(Known(**{name: swing(phase) for name, phase in phases.items()}, finer=swing()))
+    assert (found.ending, found.reason) == ("sensitive", "finer runs disagree")
+    phases |= {"eighth": 2.05, "half": 2.06, "disturbed": 3.0}
+    found = classify(Known(**{name: swing(phase) for name, phase in phases.items()}, finer=swing()))
+    assert (found.ending, found.reason) == ("sensitive", "loads changed by 1e-4")
+
+
+def test_a_run_apart_from_fine_ones_that_agree_is_wrong_and_silent():
+    assert classify(Known(asked=swing(1.0), finer=swing())).ending == "wrong and silent"
+
+
+def test_a_wrong_run_that_makes_energy_is_never_excused():
+    phases = {"asked": 0.3, "half": 1.0, "quarter": 2.0, "eighth": 3.0}
+    runs = Known(**{name: swing(phase) for name, phase in phases.items()}, finer=swing(), made=0.2)
+    assert (classify(runs).ending, classify(runs).reason) == ("wrong and silent", "energy made")
+
+
+def test_a_run_is_not_excused_by_finer_ones_that_fail():
+    found = classify(Known(asked=swing(), quarter=STOPPED, eighth=STOPPED, disturbed=STOPPED, finer=STOPPED))
+    assert found.ending == "wrong and silent"
+
+
+def test_finer_runs_that_part_before_they_fail_make_a_sensitive_trial():
+    stopped = {name: Run(swing(phase)[:40], status=2) for name, phase in (("quarter", 0.0), ("eighth", 0.5))}
+    found = classify(Known(asked=swing(1.0), disturbed=stopped["quarter"], finer=swing(), **stopped))
+    assert (found.ending, found.reason) == ("sensitive", "finer runs disagree before they stop")
+
+
+def test_distance_is_relative_to_the_deflection():
+    one, other = Run(swing(scale=1.1), complete=True), Run(swing(), complete=True)
+    np.testing.assert_allclose(distance(one, other, LENGTH, "float64"), 0.1 / math.sqrt(2.0), rtol=0.01)
+    assert distance(one, STOPPED, LENGTH, "float64") == math.inf
+    still = Run(np.tile((LENGTH, 0.0, 0.0), (101, 1)), complete=True)
+    assert distance(still, still, LENGTH, "float64") == 0.0
+
+
+@pytest.mark.parametrize("share", [1.05, 1.3])
+def test_an_unstable_run_never_ends_as_correct(share):
+    """A step beyond the bound, past the check, in a trial that is correct below it."""
+    seed = next(s for s in range(200) if (t := draw(s, True)).share and t.kind.name == "one magnet, planar")
+    trial = draw(seed, True)
+    runs = extreme.Runs(trial, 0.05)
+    runs.coarse.time_step = share * runs.coarse.stable_time_step
+    assert classify(runs).ending in ("reported", "sensitive", "wrong and silent")
+
+
+def test_a_finer_run_has_more_elements():
+    assert [finer_elements(n) for n in (1, 3, 6, 12, 13, 64)] == [6, 6, 12, 24, 20, 96]
+    trial = draw(3)
+    assert build(trial, 20, "float64", default=True).num_elements == 20
+
+
+# ---- bounds, long runs, stiff rods
+
+
+def test_bisection_finds_the_limit_of_a_straight_rod():
+    simulation = silent_simulation(undamped(swinging_scene(), gravity=(0.0, 0.0, 0.0)), num_elements=4)
+    bound, before = simulation.stable_time_step, simulation.positions
+    np.testing.assert_allclose(limit(simulation, 1.1 * bound), bound, rtol=2e-4)
+    assert grows(simulation, 1.01 * bound) and not grows(simulation, 0.99 * bound)
+    np.testing.assert_array_equal(simulation.positions, before)
+    assert limit(simulation, 100.0 * bound) is None
+
+
+def test_a_step_beyond_the_bound_fails_and_one_within_does_not():
+    simulation = silent_simulation(undamped(swinging_scene()), num_elements=4)
+    bound = simulation.stable_time_step
+    assert first_failure(simulation, 0.9 * bound, 0.2)[0] == 0
+    simulation.reset()
+    assert first_failure(simulation, 1.1 * bound, 0.2)[0] > 0
+    assert disturb(simulation) > 0.0
+
+
+def test_the_axial_momentum_of_a_clamped_rod_is_conserved_while_its_parts_are_not():
+    simulation = Simulation(swinging_scene(), num_elements=4)
+    start_swinging(simulation)
+    whole, part = [], []
+    for _ in range(20):
+        simulation.advance(0.02)
+        whole.append(axial_momentum(simulation)[0])
+        part.append(simulation.angular_momentum()[0, 0])
+    assert np.ptp(whole) < 1e-12 * abs(whole[0])
+    assert np.ptp(part) > 1e-6 * abs(whole[0])
+
+
+def test_drift_tells_growth_from_swing():
+    rng = np.random.default_rng(0)
+    swinging = np.sin(0.7 * np.arange(2000.0))[:, None] + 0.1 * rng.normal(size=(2000, 1))
+    assert verdict(swinging) == "bounded"
+    growing = swinging + np.linspace(0.0, 5.0, 2000)[:, None]
+    assert verdict(growing) == "grows"
+    np.testing.assert_allclose(drift(growing)[0], 5.0, rtol=0.02)
+
+
+def test_a_plucked_rod_swings_to_the_offset_that_was_asked_for():
+    shape, slope = first_mode(np.array([0.0, 1.0]))
+    np.testing.assert_allclose((*shape, slope[0], slope[1]), (0.0, 1.0, 0.0, 1.3765), atol=1e-4)
+    task = TASKS["aluminium, 1 mm, plucked 8 and 10 mm"]
+    simulation = Simulation(task.scene, num_elements=4, axial_softening=100.0, rotary_scaling=200.0)
+    tips, wall = perform(task, simulation, 0.3)
+    np.testing.assert_allclose(np.abs(tips[:, 1:]).max(axis=0), task.offset, rtol=0.1)
+    assert wall > 0.0
