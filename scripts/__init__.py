@@ -93,6 +93,18 @@ class Report:
             print(f"- JSON: {path}")
         return all(check.met is not False for check in self.checks)
 
+    def write_page(self, path: Path, text: str, figures: dict[str, Path]) -> None:
+        """Write a page of documentation: a text, each table under the figure of its name, then the machine's facts."""
+        parts = [text.strip()]
+        for key, table in self.tables.items():
+            if key in figures:
+                parts.append(f"![{table.title}]({os.path.relpath(figures[key], path.parent)})")
+            parts.append(table.markdown().replace("### ", "## ", 1))
+        facts = "\n".join(f"- {name}: {value}" for name, value in self.machine.items() if value is not None)
+        parts.append(f"## Machine\n\n{facts}\n- command: `{self.command}`")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("\n\n".join(parts) + "\n")
+
     @property
     def command(self) -> str:
         """The command that made this report."""

@@ -30,6 +30,22 @@ LEVELS = (0.35, 0.06, 0.01)  # mm, at which run times are compared
 OURS = ("helical", "helical, conditioned", "helical, planar", "helical, float32")
 
 
+PAGE = """# Error against run time
+
+How far the tip is from the truth, and what that costs, for this package and for the simulators that one would else
+pick. Every point is a run of the same rod from the same state under the same field: RMS distance of the tip from the
+reference over the run, in mm, against the wall time of a simulated second on one core, model building and compilation
+left out, the least of several runs. Lower left is better.
+
+Each simulator has the best set-up that we found for it: see the notes at the head of `scripts/peers/*.py`.
+"Corrected" set-ups of MuJoCo and PyElastica use this package's own corrections (residual bending flexibility, end-
+corrected masses) and are not what their users have by default. The step of "longest" runs is 0.9 of the stability
+bound, 0.7 or 0.5 where that diverged. The field is known beforehand to all of them, as a table. The lines: *helical*
+is the default element; *no corrections*, *flexibility only* and *masses only* leave out its two corrections;
+*conditioned* points have softened axial stiffness and scaled rotary inertia; *tolerance* lets the package choose.
+"""
+
+
 @dataclass
 class Args:
     """What to compare."""
@@ -44,6 +60,8 @@ class Args:
     """where finished runs are kept, one a line"""
     figures: Path | None = None
     """folder for the figures"""
+    page: Path | None = None
+    """where to write the page of documentation"""
     json: Path | None = None
     """where to write the numbers as JSON"""
 
@@ -308,7 +326,16 @@ def measure(args: Args) -> Report:
 def main() -> None:
     """Measure and report."""
     args = tyro.cli(Args, description=__doc__)
-    measure(args).finish(args.json)
+    report = measure(args)
+    if args.page is not None:
+        figures = {} if args.figures is None else {path.stem[10:] + "_front": path for path in figure_paths(args)}
+        report.write_page(args.page, PAGE, figures)
+    report.finish(args.json)
+
+
+def figure_paths(args: Args) -> list[Path]:
+    """Files of the figures."""
+    return sorted(args.figures.glob("precision_*.png")) if args.figures is not None else []
 
 
 if __name__ == "__main__":

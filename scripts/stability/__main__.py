@@ -6,6 +6,7 @@ extreme: thousands of random scenes, each of which must end as correct, coarse (
 it badly, as finer runs show), reported, or sensitive (finer runs differ among themselves); none may be wrong and
 silent.
 stiff: speed and error of thin metal rods.
+commands: environments under bang-bang commands.
 
 Exit status 1 where a check is not met.
 """
@@ -22,18 +23,19 @@ import tyro
 from scripts import Report
 from scripts.stability import figures
 from scripts.stability.bound import bound
+from scripts.stability.commands import commands
 from scripts.stability.extreme import extreme, replay
 from scripts.stability.long import long
 from scripts.stability.stiff import stiff
 
-PARTS = ("bound", "long", "extreme", "stiff")
+PARTS = ("bound", "long", "extreme", "stiff", "commands")
 
 
 @dataclass
 class Args:
     """What to measure."""
 
-    part: Literal["all", "bound", "long", "extreme", "stiff"] = "all"
+    part: Literal["all", "bound", "long", "extreme", "stiff", "commands"] = "all"
     """one part only"""
     quick: bool = False
     """a small part of it, in a minute"""
@@ -68,6 +70,8 @@ def measure(args: Args) -> Report:
         stiff(report, args.quick)
         if args.figures:
             figures.draw_stiff(report, args.figures)
+    if "commands" in chosen:
+        commands(report, args.quick)
     return report
 
 
