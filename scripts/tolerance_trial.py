@@ -1,0 +1,231 @@
+"""One trial of scripts/tolerance.py: what a tolerance chooses, how far its tips are off, what it costs by hand.
+
+Costs are element-steps: elements times steps, for one rod over the trial.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from tqdm import tqdm
+
+from magrod_env import Simulation
+from magrod_env.resolution import LADDER
+from scripts.tolerance_scenes import CONTROL_TIME, DURATION, NUM_RODS, Trial
+
+CONDITIONING = ((1, 1), (1, 4), (1, 16), (4, 9), (16, 31), (64, 127), (256, 511), (1024, 2047))
+"""axial_softening and rotary_scaling to choose from by hand, from stiff to soft."""
+DEAREST = 2.0  # a hand-chosen setting that costs this many times what the tolerance chose is not tried
+PRICED = 0.05  # of the budget: the price of dearer choices is not searched
+FINER_EVERY = 7  # trials: a still finer run checks every seventh reference, and all that say that a promise was broken
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Record:
+    """What came of one trial at one tolerance (m).
+
+    Args:
+        seed, index, family, plane, num_magnets, load, magnitude: the trial's.
+        tolerance: m.
+        outcome: "measured"; "refused" by a ValueError; "too dear" where the reference was beyond the budget.
+        choosing_time: s.
+        num_elements, time_step, axial_softening, rotary_scaling: what was chosen.
+        estimate: of the error by the pilots, m.
+        cost: element-steps of the choice.
+        run_time: of the choice over the trial, s.
+        errors: RMS over time of each rod's tip, m; None where the rod was lost.
+        reference_cost: element-steps.
+        doubt: largest RMS distance between the reference and a finer one, m; None where none was run.
+        best: num_elements, axial_softening and rotary_scaling of the cheapest hand-chosen setting within the tolerance.
+        best_cost: its element-steps; None where none up to DEAREST times the cost was good enough.
+        priced: whether such a setting was looked for.
+    """
+
+    seed: int
+    index: int
+    family: str
+    plane: str | None
+    num_magnets: int
+    load: float
+    magnitude: float
+    tolerance: float
+    outcome: str
+    choosing_time: float
+    num_elements: int | None = None
+    time_step: float | None = None
+    axial_softening: float | None = None
+    rotary_scaling: float | None = None
+    estimate: float | None = None
+    cost: float | None = None
+    run_time: float | None = None
+    errors: list[float | None] | None = None
+    reference_cost: float | None = None
+    doubt: float | None = None
+    best: list[float] | None = None
+    best_cost: float | None = None
+    priced: bool = False
+
+    @property
+    def error(self) -> float:
+        """Largest error of the rods, m; infinite where one was lost, NaN where nothing was measured."""
+        if self.errors is None:
+            return math.nan
+        return max(math.inf if error is None else error for error in self.errors)
+
+    @property
+    def sensitive(self) -> bool:
+        """Whether the reference itself is in doubt by more than the tolerance."""
+        return self.doubt is not None and self.doubt > self.tolerance
+
+
+def measure(trial: Trial, tolerance: float, budget: float, price: bool = True) -> Record:
+    """Run a trial at a tolerance (m), with a reference of at most ``budget`` element-steps."""
+    facts = {
+        **{name: getattr(trial, name) for name in ("seed", "index", "family", "plane", "load", "magnitude")},
+        "num_magnets": len(trial.scene.magnets),
+        "tolerance": tolerance,
+    }
+    simulate(trial, num_elements=len(trial.scene.magnets)).advance(1e-4)  # so that no time below is compilation
+    start = time.perf_counter()
+    try:
+        chosen = simulate(trial, tolerance=tolerance)
+    except ValueError:
+        return Record(**facts, outcome="refused", choosing_time=time.perf_counter() - start)
+    resolution = chosen.resolution
+    facts |= {name: getattr(resolution, name) for name in ("num_elements", "axial_softening", "rotary_scaling")}
+    facts |= {"choosing_time": time.perf_counter() - start, "estimate": resolution.error}
+    facts |= {"time_step": chosen.time_step, "cost": cost(chosen)}
+    reference = finer(trial, chosen)
+    facts["reference_cost"] = cost(reference)
+    if cost(reference) > budget:
+        return Record(**facts, outcome="too dear")
+    start = time.perf_counter()
+    found = tips(chosen, trial.fields)
+    facts["run_time"] = time.perf_counter() - start
+    truth = tips(reference, trial.fields)
+    errors = distances(found, truth)
+    facts["errors"] = [float(error) if math.isfinite(error) else None for error in errors]
+    if errors.max() > tolerance or trial.index % FINER_EVERY == 0:
+        facts["doubt"] = _doubt(trial, reference, truth, budget)
+    if price and errors.max() <= tolerance and cost(chosen) <= PRICED * budget:
+        facts |= {"priced": True, **_cheapest(trial, tolerance, truth, cost(chosen), resolution.num_elements)}
+    return Record(**facts, outcome="measured")
+
+
+def simulate(trial: Trial, **resolution: float | None) -> Simulation:
+    """The trial's rods at a resolution."""
+    return Simulation(
+        trial.scene,
+        num_rods=NUM_RODS,
+        plane=trial.plane,
+        expected_field=trial.magnitude,
+        on_failure="report",
+        **resolution,
+    )
+
+
+def finer(trial: Trial, simulation: Simulation, elements: float = 2.0, conditioning: float = 8.0) -> Simulation:
+    """A simulation with so many times the elements, that much less conditioning, and at most half the time step."""
+    resolution = simulation.resolution
+    fine = simulate(
+        trial,
+        num_elements=math.ceil(elements * resolution.num_elements),
+        axial_softening=1.0 + (resolution.axial_softening - 1.0) / conditioning,
+        rotary_scaling=1.0 + (resolution.rotary_scaling - 1.0) / conditioning,
+    )
+    fine.time_step = min(fine.time_step, 0.5 * simulation.time_step)
+    return fine
+
+
+def cost(simulation: Simulation) -> float:
+    """Element-steps of one rod over a trial."""
+    steps = math.ceil(CONTROL_TIME / simulation.time_step - 1e-9)
+    return float(simulation.num_elements * steps * round(DURATION / CONTROL_TIME))
+
+
+def tips(simulation: Simulation, fields: np.ndarray) -> np.ndarray:
+    """Tips after every control step from the straight rod at rest, m, (num_times, num_rods, 3); NaN once lost."""
+    simulation.reset()
+    found = np.empty(fields.shape)
+    bar = tqdm(fields, desc=f"{simulation.num_elements} elements, {simulation.time_step:.2g} s", leave=False, delay=2)
+    for k, field in enumerate(bar):
+        simulation.advance(CONTROL_TIME, field=field)
+        found[k] = np.where(simulation.status[:, None] == 0, simulation.tip_position, np.nan)
+    return found
+
+
+def distances(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """RMS over time of the distance of the tips, m, (num_rods,); infinite where either was lost."""
+    rms = np.sqrt(((found - truth) ** 2).sum(axis=2).mean(axis=0))
+    return np.where(np.isnan(rms), np.inf, rms)
+
+
+def _doubt(trial: Trial, reference: Simulation, truth: np.ndarray, budget: float) -> float | None:
+    """Largest RMS distance, m, of the reference to a still finer one; None where that is beyond twice the budget."""
+    finest = finer(trial, reference, 1.5, 4.0)
+    if cost(finest) > 2.0 * budget:
+        return None
+    return float(min(distances(truth, tips(finest, trial.fields)).max(), 1e3))
+
+
+def _cheapest(
+    trial: Trial, tolerance: float, truth: np.ndarray, chosen_cost: float, most_elements: int
+) -> dict[str, list[float] | float | None]:
+    """The cheapest setting of LADDER and CONDITIONING whose measured error is within the tolerance.
+
+    Fewer elements or more conditioning are taken to be less exact, so that one walk along the border between good
+    enough and not finds it: from soft to stiff and from many elements to few, without runs that cannot be cheaper.
+    """
+    best: list[float] | None = None
+    best_cost = DEAREST * chosen_cost
+    rungs = [rung for rung in LADDER if len(trial.scene.segment_ends) <= rung <= most_elements]
+    soft = len(CONDITIONING) - 1
+    while rungs and soft >= 0:
+        axial, rotary = CONDITIONING[soft]
+        simulation = simulate(trial, num_elements=rungs[-1], axial_softening=axial, rotary_scaling=rotary)
+        if cost(simulation) >= best_cost:
+            rungs.pop()
+        elif distances(tips(simulation, trial.fields), truth).max() <= tolerance:
+            best, best_cost = [rungs[-1], axial, rotary], cost(simulation)
+            rungs.pop()
+        else:
+            soft -= 1
+    return {"best": best, "best_cost": None if best is None else best_cost}
+
+
+def spectral_distance(trial: Trial, truth: np.ndarray, elements: int = 4, degree: int = 6) -> float:
+    """RMS distance, m, of the first rod's tip to that of an independent solver (tests/reference/spectral_rod.py).
+
+    ``truth`` (num_times, 3) m is the tip that is checked. The rod must be round, with one magnet and no spin drag.
+    """
+    from scipy.integrate import solve_ivp  # only the test extra has it
+
+    from tests.reference import spectral_rod
+
+    scene, rod, (magnet,) = trial.scene, trial.scene.rod, trial.scene.magnets
+    held = [np.zeros(3)]
+    case = spectral_rod.Case(
+        length=rod.length,
+        area=rod.area,
+        second_moment=rod.second_moment,
+        density=rod.density,
+        youngs_modulus=rod.youngs_modulus,
+        poisson_ratio=rod.poissons_ratio,
+        gravity=scene.gravity or (0.0, 0.0, 0.0),
+        drag=scene.drag_rate or 0.0,
+        magnets=(spectral_rod.Magnet(s=rod.length, mass=magnet.mass, dipole=tuple(magnet.dipole_moment)),),
+        field=lambda at: held[0],
+    )
+    mesh = spectral_rod.Mesh(case, degree, tuple(rod.length * np.arange(1, elements) / elements))
+    state, found, step = mesh.straight, [], 1e-6
+    times = CONTROL_TIME * np.arange(len(truth) + 1)
+    for k, (start, stop) in enumerate(pairwise(tqdm(times, desc="independent solver", leave=False))):
+        held[0] = trial.fields[k, 0]
+        done = solve_ivp(mesh.rate, (start, stop), state, "DOP853", rtol=1e-6, atol=1e-8, first_step=step)
+        state, step = done.y[:, -1], 0.9 * min(float(np.median(np.diff(done.t))), CONTROL_TIME)
+        found.append(mesh.split(state)[0][-1].copy())
+    return float(np.sqrt(((np.array(found) - truth) ** 2).sum(axis=1).mean()))
