@@ -18,10 +18,16 @@ FINER = 1.5  # elements of the run that judges another, over that one's
 LARGEST_SOFTENING = 4096.0
 FAR = 12.0  # times its share: from there on, the error of the conditioning is told by proportion
 ROTARY_PER_AXIAL = 2.0  # at this ratio the axial wave and the shear-rotation wave bound the step alike
-SPACE, CONDITIONING, TIME = 0.4, 0.25, 0.1  # shares of the tolerance; the rest is for loads that no pilot has seen
-DURATION, CONTROL_TIME, RISE = 2.0, 0.01, 0.4  # s: of a pilot, between its field's values, of its ramps
+SPACE, CONDITIONING = 0.4, 0.25  # shares of the tolerance in the first guess
+DURATION, CONTROL_TIME = 2.0, 0.01  # s: of a pilot, between its field's values
+GENTLE, BRISK = 0.4, 0.15  # s: rises of its ramps
+HELD = (1, 1, 1, 2, 2, 2, 2, 1)  # CONTROL_TIMEs for which each load's field is held: its steps ring higher modes
 NUM_LOADS = 8
 PLUCK = 0.1  # of the length: the largest swing of the tip in the pilots of a rod that no field moves
+WITHIN = 0.65  # of the tolerance: what the run that judges a choice may find; the rest is for loads that no pilot has
+UNSEEN = 0.3  # of an error, at most, that a run with FINER elements and LESS conditioning has as well
+LESS = 4.0
+SOFTER = (64.0, 16.0, 8.0, 4.0, 2.0, 1.0)  # times the conditioning of a choice that holds, tried from the soft end
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -48,26 +54,26 @@ def pilot_fields(magnitude: float, axes: tuple[int, ...]) -> np.ndarray:
 
     ``axes`` are the world axes of the motion, the first along the rod.
     """
-    time = CONTROL_TIME * (np.arange(round(DURATION / CONTROL_TIME)) + 0.5)
-    share = np.clip(time / RISE, 0.0, 1.0)
-    rise = share * share * (3.0 - 2.0 * share)
-    angle = 2.0 * np.pi * time
+    count = round(DURATION / CONTROL_TIME)
     along, across = np.eye(3)[axes[0]], np.eye(3)[axes[1]]
     aside = np.eye(3)[axes[2]] if len(axes) > 2 else -across
-    fields = np.zeros((len(time), NUM_LOADS, 3))
-    for load, course in enumerate(
-        (
-            np.outer(rise, across),
-            np.outer(rise, -0.7 * aside),
-            np.outer(rise, 0.5 * along + 0.5 * aside),
-            np.outer(rise * np.cos(0.5 * angle), across) + np.outer(rise * np.sin(0.5 * angle), aside),
-            0.6 * np.outer(rise * np.cos(angle), across) + 0.6 * np.outer(rise * np.sin(angle), aside),
-            0.5 * np.outer(rise * np.sin(1.5 * angle), across) + 0.3 * np.outer(rise, along),
-            np.outer(np.where(time > 0.2, 0.3, 0.0), across),
-        ),
-        start=1,
-    ):
-        fields[:, load] = magnitude * course
+    fields = np.zeros((count, NUM_LOADS, 3))
+    for load in range(1, NUM_LOADS):
+        time = CONTROL_TIME * HELD[load] * (np.arange(count) // HELD[load] + 0.5)
+        share = np.clip(time / (GENTLE if load < 4 else BRISK), 0.0, 1.0)
+        rise, angle = share * share * (3.0 - 2.0 * share), 2.0 * np.pi * time
+        fields[:, load] = (
+            magnitude
+            * (
+                np.outer(rise, across),
+                np.outer(rise, -0.7 * aside),
+                np.outer(rise, 0.5 * along + 0.5 * aside),
+                np.outer(rise * np.cos(0.5 * angle), across) + np.outer(rise * np.sin(0.5 * angle), aside),
+                0.7 * np.outer(rise * np.cos(angle), across) + 0.7 * np.outer(rise * np.sin(angle), aside),
+                0.6 * np.outer(rise * np.sin(1.5 * angle), across) + 0.3 * np.outer(rise, along),
+                np.outer(rise * np.cos(1.5 * angle), across),
+            )[load - 1]
+        )
     return fields
 
 
@@ -98,15 +104,8 @@ def choose_resolution(
     coarse = next((rung for rung in rungs if rung >= max(5, 2 * least_elements)), rungs[-1])
     tried, errors = search.conditioning(coarse)
     num_elements, space_error = search.elements(rungs, tried)
-    step, chosen, conditioning_error = search.longest_step(num_elements, tried, errors)
-    step, time_error = search.time_step(num_elements, tried, step)
-    return Resolution(
-        num_elements=num_elements,
-        time_step=step,
-        axial_softening=chosen[0],
-        rotary_scaling=chosen[1],
-        error=conditioning_error + space_error + time_error,
-    )
+    _, chosen, _ = search.longest_step(num_elements, tried, errors)
+    return search.cheapest(rungs, *search.holding(rungs, num_elements, chosen))
 
 
 Conditioning = tuple[float, float]
@@ -230,17 +229,65 @@ class _Search:
             error = distance / (1.0 - (rung / finer) ** 3)
             if error <= SPACE * self.tolerance:
                 return rung, error
-        raise ValueError(
-            f"tolerance must be within reach of {rungs[-1]} elements, but got {self.tolerance:.3g} m and the tip still "
-            f"differs by {error:.3g} m: ask for less, or state a weaker expected_field; in a strong one the rod may "
-            "jump, and its path then depends on the least difference."
+        raise ValueError(_out_of_reach(rungs[-1], self.tolerance, error))
+
+    def holding(
+        self, rungs: list[int], num_elements: int, chosen: Conditioning
+    ) -> tuple[int, Conditioning, np.ndarray]:
+        """The choice, refined until a run that is finer in all respects confirms it, and the tips of that run.
+
+        Errors need not add up: a mode that rings with the field's steps does so in fine runs only, and coarse ones that
+        all lack it agree with each other.
+        """
+        while True:
+            truth = self.tips(math.ceil(FINER * num_elements), _eased(chosen, 1.0 / LESS))
+            error = self.distance(self.tips(num_elements, chosen), truth)
+            if error <= (1.0 - UNSEEN) * WITHIN * self.tolerance:
+                return num_elements, chosen, truth
+            if num_elements == rungs[-1]:
+                raise ValueError(_out_of_reach(rungs[-1], self.tolerance, error))
+            num_elements, chosen = rungs[rungs.index(num_elements) + 1], _eased(chosen, 1.0 / LESS)
+
+    def cheapest(self, rungs: list[int], num_elements: int, chosen: Conditioning, truth: np.ndarray) -> Resolution:
+        """The cheapest resolution, of no more elements and no less conditioning, that the run of `holding` confirms.
+
+        Taking fewer elements and more conditioning to be less exact, one walk along the border between good enough and
+        not finds it: from soft to stiff and from many elements to few.
+        """
+        allowed = (1.0 - UNSEEN) * WITHIN * self.tolerance
+        best, least = (num_elements, chosen), num_elements / self.default_step(num_elements, chosen)
+        fewer = [rung for rung in rungs if rung <= num_elements]
+        softer = [_eased(chosen, factor) for factor in SOFTER]
+        while fewer and softer:
+            cost = fewer[-1] / self.default_step(fewer[-1], softer[0])
+            if cost >= least:
+                fewer.pop()
+            elif self.distance(self.tips(fewer[-1], softer[0]), truth) <= allowed:
+                best, least = (fewer.pop(), softer[0]), cost
+            else:
+                softer.pop(0)
+        error = self.distance(self.tips(*best), truth) / (1.0 - UNSEEN)
+        step = self.default_step(*best)
+        return Resolution(
+            num_elements=best[0], time_step=step, axial_softening=best[1][0], rotary_scaling=best[1][1], error=error
         )
 
-    def time_step(self, num_elements: int, conditioning: Conditioning, step: float) -> tuple[float, float]:
-        """Time step, s, at most ``step``, within its share of the tolerance, and its error (of second order)."""
-        tips, tried = self._run(num_elements, conditioning, 1.0)
-        error = self.distance(tips, self.tips(num_elements, conditioning, 2.0)) / 0.75 * (step / tried) ** 2
-        share = TIME * self.tolerance
-        if error <= share:
-            return step, error
-        return step * math.sqrt(share / error), share
+    def default_step(self, num_elements: int, conditioning: Conditioning) -> float:
+        """The step, s, that a simulation would take."""
+        axial, rotary = conditioning
+        return self.simulate(
+            num_rods=1, num_elements=num_elements, axial_softening=axial, rotary_scaling=rotary
+        ).time_step
+
+
+def _eased(conditioning: Conditioning, factor: float) -> Conditioning:
+    axial, rotary = conditioning
+    return 1.0 + factor * (axial - 1.0), 1.0 + factor * (rotary - 1.0)
+
+
+def _out_of_reach(most: int, tolerance: float, error: float) -> str:
+    return (
+        f"tolerance must be within reach of {most} elements, but got {tolerance:.3g} m and the tip still "
+        f"differs by {error:.3g} m: ask for less, or state a weaker expected_field; in a strong one the rod may "
+        "jump, and its path then depends on the least difference."
+    )
