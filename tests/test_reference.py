@@ -1,4 +1,4 @@
-"""The stored reference solutions: complete, as the cases define them, and as exact as tests/reference/README.md says."""
+"""The stored reference solutions: complete, as the cases define them, and as exact as their README says."""
 
 from pathlib import Path
 

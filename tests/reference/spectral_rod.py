@@ -7,8 +7,8 @@ and unit quaternions q_i at the points, quadrature at the same points. With ' = 
     T = sum_i w_i/2 (rho A |v|^2 + omega.(rho diag(J, I, I)) omega) + sum_magnets m |v|^2 / 2,
 
 so each point is a rigid body, driven by the exact gradient of V: the semi-discrete system is Hamiltonian. Rotations are
-not limited to any angle. Time is left to an adaptive eighth-order Runge-Kutta method (DOP853) or, for stiff rods, to Gauss
-collocation of the same order.
+not limited to any angle. Time is left to an adaptive eighth-order Runge-Kutta method (DOP853) or, for stiff rods, to
+Gauss collocation of the same order.
 omega, Omega, Gamma and dipoles are in the body frame; p, v, forces and the field are in the world frame. SI units.
 """
 
@@ -211,15 +211,14 @@ class Mesh:
         states, y = [self.start], self.start
         growth, newton = np.zeros((stages, len(y))), None  # of the stages since the beginning of the step
 
-        def solved(guess):
-            growth, size = guess.copy(), 1.0
-            for count in range(15):
-                if size < 1e-13 or size > 1e3:
-                    break
+        def solved(growth):
+            size, count = 1.0, 0
+            while 1e-13 < size < 1e3 and count < 15:
                 rates = np.array([self.rate(at + c_i * h, y + g) for c_i, g in zip(c, growth)])
                 miss = to_modes @ (h * a @ rates - growth)
                 change = sum(2 * np.outer(modes[:, k], lu_solve(lu, miss[k])).real for k, lu in zip(pairs, newton))
-                growth += change
+                growth = growth + change
+                count += 1
                 size = np.abs(change[:, : 7 * self.count]).max()  # of positions (m) and quaternions
             return growth, size, count
 
@@ -230,7 +229,7 @@ class Mesh:
                     jacobian = self.jacobian(at + h / 2, y + middle @ growth)
                     newton = [lu_factor(np.eye(len(y)) - h * roots[k] * jacobian) for k in pairs]
                 growth, size, count = solved(guess)
-                if size < 1e-13:
+                if size <= 1e-13:
                     break
                 newton = None
             else:
