@@ -66,6 +66,17 @@ def vertical_field(at: float) -> np.ndarray:
     return ramp(at) * np.array([0.0, 0.0, 10e-3])
 
 
+def sudden_field(at: float) -> np.ndarray:
+    """10 mT upwards from the start; T."""
+    return np.array([0.0, 0.0, 10e-3])
+
+
+def guiding_field(at: float) -> np.ndarray:
+    """20 mT turning about x at 1 Hz, after a smooth rise of 0.25 s; T."""
+    angle = 2.0 * math.pi * at
+    return ramp(2.0 * at) * np.array([0.0, 20e-3 * math.cos(angle), 20e-3 * math.sin(angle)])
+
+
 _ROUND = load_scene("paper4_pdms_tip_magnet")
 _STIFFER = load_scene("paper4_pdms_tip_magnet", modulus=1.48e6)
 _TWO = load_scene("paper6_two_magnets", modulus=3.65e6)
@@ -74,6 +85,9 @@ CASES: dict[str, tuple[Scene, Field | None]] = {
     "rotating_field": (_ROUND.replace(gravity=None, drag_rate=5.0), rotating_field),
     "gravity_rotating_field": (_STIFFER.replace(drag_rate=5.0), rotating_field),
     "two_magnet_free_decay": (_TWO.replace(drag_rate=5.0), vertical_field),
+    "fast_step": (_STIFFER.replace(drag_rate=5.0), sudden_field),
+    "aluminium": (load_scene("paper1_aluminium_in_plane"), None),
+    "niti": (load_scene("niti_guidewire"), guiding_field),
 }
 STATICS = {
     "static_gravity": (0.0, 0.0, 0.0),

@@ -87,9 +87,12 @@ def test_accuracy_scenes_are_those_of_the_reference():
     for name, (scene, field) in CASES.items():
         case, rod = DYNAMIC[name], scene.rod
         found = (rod.length, rod.area, rod.second_moment, rod.density, rod.youngs_modulus, scene.drag_rate or 0.0)
+        found += (rod.poissons_ratio,)
         truth = (case.length, case.area, case.second_moment, case.density, case.youngs_modulus, case.drag)
+        truth += (case.poisson_ratio,)
         np.testing.assert_allclose(found, truth, rtol=1e-12)
         np.testing.assert_array_equal(scene.gravity or np.zeros(3), case.gravity)
+        assert len(scene.magnets) == len(case.magnets)
         for magnet, expected in zip(scene.magnets, case.magnets):
             np.testing.assert_allclose((magnet.position, magnet.mass), (expected.s, expected.mass), rtol=1e-12)
             np.testing.assert_allclose(magnet.dipole_moment, expected.dipole, rtol=1e-9, atol=1e-12)  # rounding of mu0

@@ -8,6 +8,7 @@ import numpy as np
 from .spectral_rod import Case, Magnet
 
 TIMES = np.linspace(0.0, 2.0, 201)
+OWN_TIMES = {"aluminium": np.linspace(0.0, 0.5, 201), "niti": np.linspace(0.0, 1.0, 201)}
 GRAVITY = (0.0, 0.0, -9.81)
 MU0 = 4e-7 * np.pi
 
@@ -26,6 +27,25 @@ def rotating_field(t):
 
 def vertical_field(t):
     return ramp(t) * np.array([0.0, 0.0, 10e-3])
+
+
+def sudden_field(t):
+    return np.array([0.0, 0.0, 10e-3])
+
+
+def guiding_field(t):
+    """20 mT turning about x at 1 Hz, rising from 0 at t = 0 to its strength at t = 0.25 s."""
+    angle = 2 * np.pi * t
+    return ramp(2 * t) * np.array([0.0, 20e-3 * np.cos(angle), 20e-3 * np.sin(angle)])
+
+
+def sag(x):
+    """Deflection of a cantilever under uniform load, 1 at its tip x = 1."""
+    return (6 * x**2 - 4 * x**3 + x**4) / 3
+
+
+def sag_slope(x):
+    return 4 * (3 * x - 3 * x**2 + x**3) / 3
 
 
 def dipole(remanence, diameter, length):
@@ -57,12 +77,37 @@ SQUARE = Case(
     ),
     field=vertical_field,
 )
+ALUMINIUM = Case(
+    length=0.2,
+    area=np.pi * 2e-3**2 / 4,
+    second_moment=np.pi * 2e-3**4 / 64,
+    density=2690.0,
+    youngs_modulus=75e9,
+    poisson_ratio=0.33,
+    gravity=(-9.81, 0.0, 0.0),
+    velocity=lambda s: np.outer(2.3 * sag(s / 0.2), (0.0, 0.0, 1.0)),
+    spin=lambda s: np.outer(2.3 / 0.2 * sag_slope(s / 0.2), (0.0, -1.0, 0.0)),
+)
+NITI = Case(
+    length=0.1,
+    area=np.pi * 0.35e-3**2 / 4,
+    second_moment=np.pi * 0.35e-3**4 / 64,
+    density=6450.0,
+    youngs_modulus=60e9,
+    poisson_ratio=0.33,
+    drag=5.0,
+    magnets=(Magnet(s=0.1, mass=0.0, dipole=(4e-3, 0.0, 0.0)),),
+    field=guiding_field,
+)
 
 DYNAMIC = {
     "free_decay": ROUND,
     "rotating_field": replace(ROUND, gravity=(0.0, 0.0, 0.0), drag=5.0, field=rotating_field),
     "gravity_rotating_field": replace(STIFFER, drag=5.0, field=rotating_field),
     "two_magnet_free_decay": SQUARE,
+    "fast_step": replace(STIFFER, drag=5.0, field=sudden_field),
+    "aluminium": ALUMINIUM,
+    "niti": NITI,
 }
 STATIC = {  # fields (T) on STIFFER under gravity
     "static_gravity": np.zeros(3),

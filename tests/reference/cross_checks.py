@@ -1,9 +1,10 @@
-"""Second methods that share no equations with spectral_rod.py: python -m tests.reference.cross_checks
+"""Second methods, 1 to 3 without equations in common with spectral_rod.py: python -m tests.reference.cross_checks
 
 1. Small vibrations: frequencies of the clamped Timoshenko beam with a tip mass, from its transfer matrix.
 2. Free decay: planar angle theta(s, t), hierarchical Legendre basis with consistent mass, Gauss quadrature, and the
-   four-stage Gauss collocation method in time (order 8, implicit, symplectic).
+   four-stage Gauss collocation method in time (order 8, implicit, symplectic). The undamped metal rod, too.
 3. Statics: the rod's balance equations as a two-point boundary value problem (scipy's solve_bvp).
+4. Stiff rods, which the reference takes in implicit steps: the first 20 ms with the explicit method.
 """
 
 from functools import partial
@@ -14,9 +15,9 @@ from scipy.integrate import solve_bvp
 from scipy.linalg import block_diag, eigh, expm, lu_factor, lu_solve
 from scipy.optimize import brentq
 
-from .cases import ROUND, STATIC, STIFFER, TIMES, inner_cuts
-from .make_reference import FILE, REFERENCE
-from .spectral_rod import Mesh
+from .cases import ALUMINIUM, DYNAMIC, OWN_TIMES, ROUND, STATIC, STIFFER, TIMES, inner_cuts
+from .make_reference import FILE, REFERENCE, trajectory
+from .spectral_rod import Mesh, gauss_collocation
 
 
 def exact_frequencies(case, count):
@@ -73,11 +74,16 @@ class PlanarGalerkin:
         self.ea, self.ga, _ = case.c1
         self.ei = case.c2[1]
         gram = (self.value * self.weight) @ self.value.T
-        tip_mass = case.magnets[0].mass
+        tip_mass = sum(magnet.mass for magnet in case.magnets)
         moving = case.density * case.area * gram + tip_mass * np.outer(self.tip, self.tip)
         self.mass = block_diag(moving, moving, case.inertia[1] * gram)
-        weight_z = case.gravity[2] * (case.density * case.area * self.value @ self.weight + tip_mass * self.tip)
-        self.load = np.concatenate([np.zeros(count), weight_z, np.zeros(count)])
+        masses = case.density * case.area * self.value @ self.weight + tip_mass * self.tip
+        self.load = np.concatenate([case.gravity[0] * masses, case.gravity[2] * masses, np.zeros(count)])
+        s = half * (xi + 1)
+        self.start = np.zeros((3, count))  # velocities
+        if case.velocity is not None:
+            given = (*case.velocity(s)[:, [0, 2]].T, -case.spin(s)[:, 1])  # positive angle lifts the tip
+            self.start = np.array([np.linalg.lstsq(self.value.T, v, rcond=None)[0] for v in given])
         self.count, self.length = count, case.length
 
     def strains(self, u):
@@ -118,11 +124,11 @@ class PlanarGalerkin:
         )
 
     def run(self, times, steps_per_sample, stages=4):
-        """Tip (x, z) at the times, released straight at rest; stage accelerations by simplified Newton iterations."""
+        """Tip (x, z) at the times, released straight; stage accelerations by simplified Newton iterations."""
         c, a, b = gauss_collocation(stages)
         h = (times[1] - times[0]) / steps_per_sample
         aa, ba = h * h * a @ a, h * h * b @ a
-        u, v = np.zeros(3 * self.count), np.zeros(3 * self.count)
+        u, v = np.zeros(3 * self.count), self.start.ravel()
         acceleration = np.zeros((stages, 3 * self.count))
         out = [(self.length, 0.0)]
         for step in range((len(times) - 1) * steps_per_sample):
@@ -141,15 +147,6 @@ class PlanarGalerkin:
             if (step + 1) % steps_per_sample == 0:
                 out.append((self.length + self.tip @ u[: self.count], self.tip @ u[self.count : 2 * self.count]))
         return np.array(out)
-
-
-def gauss_collocation(stages):
-    """Points c, matrix a and weights b of the Gauss collocation method on [0, 1]."""
-    x, w = legendre.leggauss(stages)
-    c = (x + 1) / 2
-    powers = np.arange(1, stages + 1)
-    a = (c[:, None] ** powers / powers) @ np.linalg.inv(c[:, None] ** (powers - 1))
-    return c, a, w / 2
 
 
 def equilibrium_by_collocation(case, field, tolerance=1e-10):
@@ -210,6 +207,16 @@ def main():
         distance = np.linalg.norm(tip - stored["free_decay_tip"][:, [0, 2]], axis=1)
         rms = np.sqrt(np.mean(distance**2))
         print(f"  {count} functions, step {0.01 / steps:.1e} s: {rms:.1e} m  {distance.max():.1e} m", flush=True)
+    print("aluminium: tip distance from the same planar method, RMS and largest")
+    tip = PlanarGalerkin(ALUMINIUM, 16).run(OWN_TIMES["aluminium"], 100)
+    distance = np.linalg.norm(tip - stored["aluminium_tip"][:, [0, 2]], axis=1)
+    print(f"  16 functions, step 2.5e-05 s: {np.sqrt(np.mean(distance**2)):.1e} m  {distance.max():.1e} m", flush=True)
+    print("stiff rods, 20 ms: tip distance from the explicit method")
+    for name, degree in (("aluminium", 13), ("niti", 10)):
+        times = OWN_TIMES[name][OWN_TIMES[name] < 0.0201]
+        position, _, _ = trajectory(DYNAMIC[name], times, elements=1, degree=degree, tolerance=1e-6)
+        distance = np.linalg.norm(position[:, 0] - stored[f"{name}_tip"][: len(times)], axis=1)
+        print(f"  {name}  {distance.max():.1e} m", flush=True)
 
 
 if __name__ == "__main__":

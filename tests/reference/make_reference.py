@@ -10,35 +10,58 @@ from pathlib import Path
 
 import numpy as np
 
-from .cases import DYNAMIC, STATIC, STIFFER, TIMES, inner_cuts
+from .cases import DYNAMIC, OWN_TIMES, STATIC, STIFFER, TIMES, inner_cuts
 from .spectral_rod import Mesh, to_world
 
 FILE = Path(__file__).with_name("reference.npz")
 REFERENCE = dict(elements=8, degree=8, tolerance=1e-9)
 COARSER_MESH = dict(elements=5, degree=9, tolerance=1e-9)
 LOOSER_TIME = dict(elements=8, degree=8, tolerance=1e-5)
+SETTINGS = {  # cases that need others: reference, coarser mesh, looser tolerance or fewer steps
+    "fast_step": (
+        dict(elements=10, degree=8, tolerance=1e-6),
+        dict(elements=7, degree=8, tolerance=1e-6),
+        dict(elements=10, degree=8, tolerance=1e-4),
+    ),
+    "aluminium": (
+        dict(elements=1, degree=16, steps=100),
+        dict(elements=1, degree=13, steps=100),
+        dict(elements=1, degree=16, steps=50),
+    ),
+    "niti": (
+        dict(elements=1, degree=14, steps=50),
+        dict(elements=1, degree=10, steps=50),
+        dict(elements=1, degree=14, steps=25),
+    ),
+}
 
 
-def trajectory(case, *, elements, degree, tolerance):
-    """Positions (times, magnets, 3) and tangents (times, magnets, 3) of the magnets, and the energy (times,)."""
+def trajectory(case, times=TIMES, *, elements, degree, tolerance=None, steps=None):
+    """Positions (times, magnets, 3) and tangents (times, magnets, 3) of the magnets, and the energy (times,).
+
+    A rod without magnets is watched at its tip. Either a tolerance (explicit) or steps a sample (implicit).
+    """
     mesh = Mesh(case, degree, inner_cuts(case, elements))
-    states = mesh.run(TIMES, tolerance)
-    q = np.array([mesh.split(y)[1][mesh.magnet_node] for y in states])
+    states = mesh.run(times, tolerance) if steps is None else mesh.run_implicit(times, steps)
+    watched = mesh.magnet_node or [mesh.count - 1]
+    q = np.array([mesh.split(y)[1][watched] for y in states])
     tangent = np.stack(to_world(np.moveaxis(q, -1, 0), (1.0, 0.0, 0.0)), axis=-1)
-    position = np.array([mesh.split(y)[0][mesh.magnet_node] for y in states])
-    energy = np.array([mesh.energy(y, t) for y, t in zip(states, TIMES)])
+    position = np.array([mesh.split(y)[0][watched] for y in states])
+    energy = np.array([mesh.energy(y, t) for y, t in zip(states, times)])
     return position, tangent, energy
 
 
 def dynamic(name):
     """The arrays stored for one dynamic case."""
     case = DYNAMIC[name]
-    position, tangent, energy = trajectory(case, **REFERENCE)
-    out = {"time": TIMES, "tip": position[:, 0], "tip_tangent": tangent[:, 0], "energy": energy}
+    reference, coarser_mesh, looser_time = SETTINGS.get(name, (REFERENCE, COARSER_MESH, LOOSER_TIME))
+    times = OWN_TIMES.get(name, TIMES)
+    position, tangent, energy = trajectory(case, times, **reference)
+    out = {"time": times, "tip": position[:, 0], "tip_tangent": tangent[:, 0], "energy": energy}
     if len(case.magnets) == 2:
         out |= {"middle": position[:, 1]}
-    for key, setting in {"error_space": COARSER_MESH, "error_time": LOOSER_TIME}.items():
-        out[key] = np.linalg.norm(trajectory(case, **setting)[0] - position, axis=-1).max()
+    for key, setting in {"error_space": coarser_mesh, "error_time": looser_time}.items():
+        out[key] = np.linalg.norm(trajectory(case, times, **setting)[0] - position, axis=-1).max()
     return {f"{name}_{key}": value for key, value in out.items()}
 
 
