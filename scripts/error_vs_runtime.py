@@ -147,7 +147,7 @@ def run_peers(trial: pr.Trial, truth: np.ndarray, record: Record, quick: bool) -
         for setting in tqdm(peer.settings(problem, quick), desc=f"{trial.name}, {peer.NAME}", leave=False):
             key = (trial.name, peer.NAME, setting.label, setting.resolution)
             if key not in record.outcomes:
-                done = peer.run(problem, setting, trial.times, 1 if quick else 3)
+                done = peer.run(problem, setting, trial.times, 1 if quick else 2)
                 walls = None if done.diverged else done.wall_per_second
                 record.add(Outcome(*key, done.error(truth), walls))
 

@@ -113,7 +113,6 @@ def trials() -> list[Trial]:
             lambda at: np.array([0.0, 0.0, 10e-3]),
             magnitude=10e-3,
             plane="xz",
-            peers=True,
         ),
         Trial(
             "aluminium",

@@ -11,6 +11,7 @@ from magrod_env.rod.energy import ELASTIC, GRAVITATIONAL, KINETIC, MAGNETIC, mea
 from magrod_env.rod.layout import (
     DAMPING,
     DRAG,
+    ENERGY,
     FIELD,
     GRADIENT,
     GRAVITY,
@@ -176,6 +177,9 @@ class RodBatch:
     def mark(self, rods=slice(None)) -> None:
         """Take the present energy of some rods as the watchdog's start, and their status as well."""
         self.status[rods] = 0
+        least = self.gather(ENERGY, 1)
+        least[rods] = np.inf
+        self.scatter(ENERGY, least)
         status = self.status.copy()
         self.watch()
         self.status[:] = status

@@ -137,9 +137,9 @@ def watch_blocks(blocks, first, last, layout, terms, measures, travel, status):
     """Look at every rod of some blocks: status codes into ``status`` (num_rods,), 0 where all is well.
 
     NOT_FINITE: a NaN or an infinity. BENT: one element has turned by pi or more. STRETCHED: an element's axial strain
-    passed one half. ENERGETIC: the energy rose by more than the field can have put in since the last look, |m| times
-    the sum of the field's changes ``travel`` (num_rods,) T, plus a tenth of itself: the mark of a finite but unstable
-    run. Once set, a status stays. ``measures`` (num_blocks, 5 * L) is filled by ``measure_blocks``.
+    passed one half. ENERGETIC: the energy rose by more than the field can have put in, |m| times the sum of the field's
+    changes ``travel`` (num_rods,) T, plus a tenth of itself: the mark of a finite but unstable run. It is counted from
+    the least energy so far, so that many small rises add up. Once set, a status stays. ``measures`` (num_blocks, 5 * L) is filled by ``measure_blocks``.
     """
     lanes = len(terms.lanes)
     measure_blocks(blocks, first, last, layout, terms, measures)
@@ -157,11 +157,11 @@ def watch_blocks(blocks, first, last, layout, terms, measures, travel, status):
                     row = layout.magnets + 3 * magnet
                     moment += np.sqrt(rows[row, lane] ** 2 + rows[row + 1, lane] ** 2 + rows[row + 2, lane] ** 2)
                 floor = 0.01 * rows[layout.elements + BENDING, lane]
-                allowance = moment * travel[rod] + 0.1 * (kinetic + elastic) + floor
-                before = rows[ENERGY, lane]
+                least = rows[ENERGY, lane] + moment * travel[rod]
+                allowance = 0.1 * (kinetic + elastic) + floor
                 cosine = rows[LEAST_COSINE, lane]
-                status[rod] = rod_status(kinetic + elastic, energy, seen[STRAIN, lane], cosine, before, allowance)
-            rows[ENERGY, lane] = energy
+                status[rod] = rod_status(kinetic + elastic, energy, seen[STRAIN, lane], cosine, least, allowance)
+                rows[ENERGY, lane] = min(least, energy)
             travel[rod] = 0.0
 
 

@@ -21,7 +21,7 @@ GRADIENT = 12  # 9, T/m: dB_i/dx_j, row by row
 DRAG = 21  # 1, 1/s
 DAMPING = 22  # 1, s: Kelvin-Voigt time
 LEAST_COSINE = 23  # 1: least cos(theta/2) of any element since it was last set: 0 is a bend of pi in one element
-ENERGY = 24  # 1, J: energy at the last watchdog look
+ENERGY = 24  # 1, J: least energy that the watchdog saw, plus what the field may have put in since
 SPIN_DRAG = 25  # 1, 1/s
 ROD_ROWS = 26
 

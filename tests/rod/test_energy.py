@@ -133,3 +133,17 @@ def test_a_bend_of_half_a_turn_in_one_element_is_reported():
     simulation.advance(0.5, field=(-20e-3, 0.0, 2e-3))
     assert simulation.status[0] == BENT
     assert np.isfinite(simulation.positions).all()
+
+
+def test_small_rises_of_energy_add_up():
+    """A run that gains five per cent a look, as one just beyond its bound may, is told before it has doubled."""
+    scene = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=None)
+    simulation = Simulation(scene, on_failure="report")
+    simulation.advance(0.1)
+    looks = 0
+    while not simulation.status[0] and looks < 15:
+        rows = simulation._batch.node_rows
+        simulation._batch.set_nodes(rows.velocity, 1.05 * simulation._batch.nodes(rows.velocity, 3))
+        simulation._batch.watch()
+        looks += 1
+    assert 1 < looks < 8
