@@ -136,10 +136,11 @@ def measure_blocks(blocks, first, last, layout, terms, out):
 def watch_blocks(blocks, first, last, layout, terms, measures, travel, status):
     """Look at every rod of some blocks: status codes into ``status`` (num_rods,), 0 where all is well.
 
-    NOT_FINITE: a NaN or an infinity. BENT: one element has turned by pi or more. STRETCHED: an element's axial strain
-    passed one half. ENERGETIC: the energy rose by more than the field can have put in, |m| times the sum of the field's
-    changes ``travel`` (num_rods,) T, plus a tenth of itself: the mark of a finite but unstable run. It is counted from
-    the least energy so far, so that many small rises add up. Once set, a status stays. ``measures`` (num_blocks, 5 * L) is filled by ``measure_blocks``.
+    NOT_FINITE: a NaN or an infinity. BENT: one element has turned by pi or more. STRETCHED: an element's axial
+    strain passed one half. ENERGETIC: the energy rose by more than the field can have put in, |m| times the sum of
+    the field's changes ``travel`` (num_rods,) T, plus a tenth of itself: the mark of a finite but unstable run. It
+    is counted from the least energy so far, so that many small rises add up. Once set, a status stays. ``measures``
+    (num_blocks, 5 * L) is filled by ``measure_blocks``.
     """
     lanes = len(terms.lanes)
     measure_blocks(blocks, first, last, layout, terms, measures)
