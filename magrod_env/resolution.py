@@ -20,7 +20,7 @@ FAR = 12.0  # times its share: from there on, the error of the conditioning is t
 ROTARY_PER_AXIAL = 2.0  # at this ratio the axial wave and the shear-rotation wave bound the step alike
 SPACE, CONDITIONING = 0.4, 0.25  # shares of the tolerance in the first guess
 DURATION, CONTROL_TIME = 2.0, 0.01  # s: of a pilot, between its field's values
-GENTLE, BRISK = 0.4, 0.15  # s: rises of its ramps
+RISES = (0.4, 0.4, 0.4, 0.4, 0.15, 0.15, 0.1, 0.1)  # s: of each load
 HELD = (1, 1, 1, 2, 2, 2, 2, 1)  # CONTROL_TIMEs for which each load's field is held: its steps ring higher modes
 NUM_LOADS = 8
 PLUCK = 0.1  # of the length: the largest swing of the tip in the pilots of a rod that no field moves
@@ -60,7 +60,7 @@ def pilot_fields(magnitude: float, axes: tuple[int, ...]) -> np.ndarray:
     fields = np.zeros((count, NUM_LOADS, 3))
     for load in range(1, NUM_LOADS):
         time = CONTROL_TIME * HELD[load] * (np.arange(count) // HELD[load] + 0.5)
-        share = np.clip(time / (GENTLE if load < 4 else BRISK), 0.0, 1.0)
+        share = np.clip(time / RISES[load], 0.0, 1.0)
         rise, angle = share * share * (3.0 - 2.0 * share), 2.0 * np.pi * time
         fields[:, load] = (
             magnitude
