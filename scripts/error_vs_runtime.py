@@ -133,7 +133,8 @@ def _outcome(trial: pr.Trial, setup: pr.Setup, truth: np.ndarray, quick: bool) -
     tips = pr.trace(simulation, trial)
     if tips is None:
         return Outcome(*where, None, None)
-    return Outcome(*where, error(tips, truth), pr.wall(simulation, trial, 1 if quick else 5))
+    wall = pr.wall(simulation, trial, 1 if quick else 5)
+    return Outcome(*where, None if wall is None else error(tips, truth), wall)
 
 
 def run_peers(trial: pr.Trial, truth: np.ndarray, record: Record, quick: bool) -> None:
