@@ -220,7 +220,7 @@ def _simple(record: Record) -> bool:
 
 
 def draw(records: list[Record], folder: Path) -> Path:
-    """Histograms of error over tolerance, one a tolerance, as SVG."""
+    """Histograms of error over tolerance, one a tolerance."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -242,8 +242,8 @@ def draw(records: list[Record], folder: Path) -> Path:
     axes[0, 0].legend(frameon=False, fontsize=8)
     figure.tight_layout()
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / "tolerance.svg"
-    figure.savefig(path)
+    path = folder / "tolerance.png"
+    figure.savefig(path, dpi=130)
     pyplot.close(figure)
     return path
 

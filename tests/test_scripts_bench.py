@@ -104,7 +104,17 @@ def test_accuracy_scenes_are_those_of_the_reference():
 
 def test_bench_report_is_well_formed(bench):
     assert_well_formed(*bench, "scripts.bench")
-    assert set(bench[1]["tables"]) == {"first_step", "environments", "kernels", "frames", "memory"}
+    assert set(bench[1]["tables"]) == {
+        "first_step",
+        "targets",
+        "environments",
+        "kernels",
+        "features",
+        "rods",
+        "elements",
+        "frames",
+        "memory",
+    }
     assert [check["figure"] for check in bench[1]["checks"]] == ["g", "g", "speed"]
     assert all(check["timing"] for check in bench[1]["checks"])
 

@@ -36,7 +36,7 @@ def test_report_is_well_formed(report):
 
 def test_all_figures_are_met(report):
     checks = report[1]["checks"]
-    assert {check["figure"] for check in checks} == {"bound", "long", "extreme"}
+    assert {check["figure"] for check in checks} == {"bound", "long", "extreme", "commands"}
     assert [check["what"] for check in checks if not check["met"]] == []
 
 

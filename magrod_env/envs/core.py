@@ -27,7 +27,7 @@ from magrod_env.values import check_plane, rod_values, scaled_spin_drag
 
 REWARD_TERMS = ("tracking", "precision", "effort", "smoothness")
 OBSERVE = ("camera", "state")
-SAFETY = 0.5  # of the working bound: random, sudden fields fold a rod further than a user's run usually does
+SAFETY = 0.4  # of the working bound: random, sudden fields fold a rod further than a user's run usually does
 PREVIEW = (0.04, 0.1, 0.2)  # s ahead
 
 

@@ -46,7 +46,6 @@ _DEFAULTS: dict[str, dict[str, Any]] = {
 }
 _OWN_RESOLUTION = {  # for the id's own scene; what it costs in accuracy is measured in docs/resolution.md
     "two_magnet": Resolution(num_elements=10, rotary_scaling=8.0),
-    "planar_reach": Resolution(num_elements=5, rotary_scaling=8.0),  # fields along the rod: 4 lose a rare one
 }
 _ROUND_ROD = Resolution(num_elements=4, rotary_scaling=8.0)
 

@@ -69,10 +69,10 @@ class MagRodEnv(gymnasium.Env):
     | argument | default | meaning |
     |---|---|---|
     | scene | the id's own | a `Scene` or a name for `load_scene` |
-    | num_elements | 4 (planar: 5, two magnets: 10) | elements of the rod |
+    | num_elements | 4 (two magnets: 10) | elements of the rod |
     | axial_softening, rotary_scaling | 1, 8 | conditioning of stiff modes, see `Simulation`; 1, 1 where scene or \
 num_elements is given |
-    | time_step | None | s; None: 0.5 of the stability bound of the stiffest rod that may be drawn |
+    | time_step | None | s; None: 0.4 of the stability bound of the stiffest rod that may be drawn |
     | tolerance | None | m; chooses the four above for this tip error in the fields that the targets need |
     | precision | "float64" | or "float32" |
     | plane | None (planar: "xz") | motion in space or in a plane |
