@@ -115,8 +115,12 @@ def test_bench_report_is_well_formed(bench):
         "frames",
         "memory",
     }
-    assert [check["figure"] for check in bench[1]["checks"]] == ["g", "g", "speed"]
-    assert all(check["timing"] for check in bench[1]["checks"])
+    assert [check["figure"] for check in bench[1]["checks"]] == ["g", "g", "error", "error", "speed"]
+    assert all(check["timing"] == (check["figure"] != "error") for check in bench[1]["checks"])
+
+
+def test_configurations_that_are_timed_are_exact_enough(bench):
+    assert [check["what"] for check in bench[1]["checks"] if check["figure"] == "error" and not check["met"]] == []
 
 
 def test_bench_speeds_are_positive(bench):
