@@ -93,10 +93,15 @@ class Report:
             print(f"- JSON: {path}")
         return all(check.met is not False for check in self.checks)
 
-    def write_page(self, path: Path, text: str, figures: dict[str, Path]) -> None:
-        """Write a page of documentation: a text, each table under the figure of its name, then the machine's facts."""
+    def write_page(self, path: Path, text: str, figures: dict[str, Path], without: tuple[str, ...] = ()) -> None:
+        """Write a page of documentation: a text, each table under the figure of its name, then the machine's facts.
+
+        Tables named in `without` are for the JSON only.
+        """
         parts = [text.strip()]
         for key, table in self.tables.items():
+            if key in without:
+                continue
             if key in figures:
                 parts.append(f"![{table.title}]({os.path.relpath(figures[key], path.parent)})")
             parts.append(table.markdown().replace("### ", "## ", 1))

@@ -330,7 +330,7 @@ def main() -> None:
     report = measure(args)
     if args.page is not None:
         figures = {} if args.figures is None else {path.stem[10:] + "_front": path for path in figure_paths(args)}
-        report.write_page(args.page, PAGE, figures)
+        report.write_page(args.page, PAGE, figures, tuple(trial.name for trial in pr.trials()))
     report.finish(args.json)
 
 

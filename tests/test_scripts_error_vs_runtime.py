@@ -44,9 +44,10 @@ def test_every_scene_has_an_independent_reference(trial):
     np.testing.assert_allclose(tips[0], [trial.scene.rod.length, 0.0, 0.0], atol=1e-12)
 
 
-@pytest.mark.parametrize("trial", [t for t in trials() if t.name in ("aluminium", "niti", "fast_step")], ids=str)
-def test_our_scenes_are_those_of_the_reference(trial):
+@pytest.mark.parametrize("number", [4, 5, 6], ids=["fast_step", "aluminium", "niti"])
+def test_our_scenes_are_those_of_the_reference(number):
     """Ten elements come within a hundredth of the swing."""
+    trial = trials()[number]
     tips = precision.trace(build(trial, Setup("helical", {"num_elements": 10})), trial)
     truth = independent(trial.name)
     assert np.sqrt(np.mean(np.sum((tips - truth) ** 2, axis=-1))) < 0.01 * np.ptp(truth, axis=0).max()
