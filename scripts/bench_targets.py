@@ -33,17 +33,19 @@ def commands(env: Any, steps: int) -> np.ndarray:
     return np.stack([share * (0.5 - 0.5 * np.cos(3.0 * time)), share * np.sin(5.0 * time)], axis=1)
 
 
-def tips(name: str, settings: dict[str, Any], steps: int) -> np.ndarray:
-    """Tip (steps, 3) m of an environment under `commands`."""
-    path = {"random_start": False} if name == CIRCLE else {}
-    env = gymnasium.make(name, **path, **settings)
+def prepare(name: str, settings: dict[str, Any]) -> Any:
+    """An environment at the start of an episode, always the same."""
+    env = gymnasium.make(name, **({"random_start": False} if name == CIRCLE else {}), **settings)
     env.reset(seed=0)
-    return np.array([env.step(action)[4]["tip_position"] for action in commands(env, steps)])
+    return env
 
 
 def error(name: str, settings: dict[str, Any], steps: int = 100) -> float:
     """RMS distance of the tip from that of a rod with many elements and no conditioning, mm."""
-    gap = tips(name, settings, steps) - tips(name, {"num_elements": FINEST}, steps)
+    envs = prepare(name, settings), prepare(name, {"num_elements": FINEST})
+    actions = commands(envs[1], steps)  # the same for both: what holds a rod on its path depends on its elements
+    tips = [np.array([env.step(action)[4]["tip_position"] for action in actions]) for env in envs]
+    gap = tips[0] - tips[1]
     return 1e3 * float(np.sqrt(np.mean(np.sum(gap**2, axis=-1))))
 
 
