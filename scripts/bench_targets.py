@@ -27,7 +27,10 @@ def commands(env: Any, steps: int) -> np.ndarray:
     core = env.unwrapped.core
     if core.task.fields is not None:
         at = (np.arange(steps) + 0.5) * core.control_time / core.task.period * len(core.task.fields)
-        return core.coils.fraction(core.task.fields[at.astype(int) % len(core.task.fields)])
+        fields, first, share = core.task.fields, at.astype(int), (at % 1.0)[:, None]
+        return core.coils.fraction(
+            (1.0 - share) * fields[first % len(fields)] + share * fields[(first + 1) % len(fields)]
+        )
     time = np.arange(steps) * core.control_time
     share = 25e-3 / core.actuator.limit * np.minimum(time / 0.3, 1.0)
     return np.stack([share * (0.5 - 0.5 * np.cos(3.0 * time)), share * np.sin(5.0 * time)], axis=1)
