@@ -22,12 +22,11 @@ from magrod_env.rod.batch import PLANE_AXES, RodBatch
 from magrod_env.rod.equilibrium import StaticModel
 from magrod_env.rod.layout import ENERGY, make_blocks
 from magrod_env.scene import Scene
-from magrod_env.simulation import Simulation
+from magrod_env.simulation import SAFETY, Simulation
 from magrod_env.values import check_plane, rod_values, scaled_spin_drag
 
 REWARD_TERMS = ("tracking", "precision", "effort", "smoothness")
 OBSERVE = ("camera", "state")
-SAFETY = 0.4  # of the working bound: random, sudden fields fold a rod further than a user's run usually does
 PREVIEW = (0.04, 0.1, 0.2)  # s ahead
 
 
