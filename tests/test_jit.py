@@ -1,5 +1,6 @@
 """Compiled code is never older than the sources, and an absent term leaves no code behind."""
 
+import ast
 import copy
 import os
 import pickle
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 import magrod_env
-from magrod_env._jit import CACHE_FOLDER, PRESENT, jit
+from magrod_env._jit import PRESENT, cache_folder, jit
 
 HELPER = """
 from magrod_env._jit import jit
@@ -32,7 +33,7 @@ def kernel(x):
 RUN = """
 from magrod_env import _jit
 from magrod_env.kernel import kernel
-print(kernel(1.0), sum(kernel.stats.cache_hits.values()), _jit.CACHE_FOLDER)
+print(kernel(1.0), sum(kernel.stats.cache_hits.values()), _jit.cache_folder('magrod_env.kernel'))
 """
 
 
@@ -78,9 +79,28 @@ def test_a_cache_folder_that_cannot_be_written_is_replaced(package, tmp_path):
     shutil.rmtree(folder)
 
 
-def test_kernels_are_cached_in_a_folder_named_by_the_sources():
-    assert Path(CACHE_FOLDER).name.startswith("kernels-")
-    assert Path(CACHE_FOLDER).is_dir()
+def test_kernels_are_cached_in_a_folder_named_by_the_sources_of_their_subpackage():
+    folders = {cache_folder(f"magrod_env.{module}") for module in ("rod.energy", "envs.observing", "scene")}
+    assert len(folders) == 3
+    assert cache_folder("magrod_env.rod.stepping") == cache_folder("magrod_env.rod.energy")
+    assert all(Path(folder).name.startswith("kernels-") and Path(folder).is_dir() for folder in folders)
+
+
+SOURCES = sorted(Path(magrod_env.__file__).parent.rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=[f"{path.parent.name}/{path.stem}" for path in SOURCES])
+def test_kernels_are_made_only_of_sources_that_their_cache_folder_is_named_by(path):
+    modules = {
+        node.module: {name.name for name in node.names}
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom) and node.module.startswith("magrod_env")
+    }
+    if not {"jit", "inline_jit"} & modules.get("magrod_env._jit", set()):
+        return
+    own = ".".join(["magrod_env", *path.relative_to(SOURCES[0].parent).parts[:-1]])
+    shared = ("magrod_env._jit", "magrod_env._simd", "magrod_env.rod")
+    assert all(module.startswith((own + ".", *shared)) for module in modules)
 
 
 def test_present_is_one_object_that_pickles_and_copies_to_itself():
