@@ -29,7 +29,7 @@ MAY_IMPORT = {
     "values": {*PHYSICS, "scene"},
     "resolution": set(),
     "simulation": {*SCENES, "values", "resolution"},
-    "estimation": {*SCENES, "simulation"},
+    "estimation": {*SCENES, "values", "simulation"},
     "envs": {*SCENES, "values", "resolution", "simulation", "estimation", "rendering"},
     "rendering": set(),
     "registration": set(),
