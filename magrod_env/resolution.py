@@ -13,6 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from magrod_env.magnetics import _checks
+
+NUM_ELEMENTS = 6  # where nothing is said
+EXPECTED_FIELD = 45e-3  # T: the limit of the paper's coils
 LADDER = (3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64, 80, 96, 128, 160)  # elements to choose from
 FINER = 1.5  # elements of the run that judges another, over that one's
 LARGEST_SOFTENING = 4096.0
@@ -47,6 +51,45 @@ class Resolution:
     axial_softening: float = 1.0
     rotary_scaling: float = 1.0
     error: float | None = None
+
+
+def checked_expected_field(value: Any) -> float:
+    """The strongest field that is likely, T; ValueError where it is none."""
+    return _checks.number("expected_field", value, at_least=0.0, advice="give its magnitude in tesla, 45 mT is 45e-3")
+
+
+def checked_resolution(
+    num_elements: Any, time_step: Any, axial_softening: Any, rotary_scaling: Any, tolerance: Any
+) -> Resolution:
+    """What the user has said about the resolution; with a tolerance, nothing else may be said.
+
+    Raises:
+        ValueError: on a number out of range, or a tolerance beside another choice.
+    """
+    given = {
+        "num_elements": num_elements,
+        "time_step": time_step,
+        "axial_softening": axial_softening,
+        "rotary_scaling": rotary_scaling,
+    }
+    if tolerance is not None:
+        _checks.number("tolerance", tolerance, above=0.0, advice="give the tip's RMS error in metres, 0.1 mm is 1e-4")
+        for name, value in given.items():
+            if value is not None:
+                raise ValueError(
+                    f"{name} must be None beside a tolerance, which chooses it, but got {value!r}: give one of them."
+                )
+        return Resolution(num_elements=NUM_ELEMENTS)
+    count = NUM_ELEMENTS if num_elements is None else num_elements
+    advice = "1 leaves the rod as it is; larger allows longer steps"
+    return Resolution(
+        num_elements=int(_checks.count("num_elements", count, advice="6 is a good start")),
+        time_step=time_step,
+        **{
+            name: 1.0 if given[name] is None else _checks.number(name, given[name], at_least=1.0, advice=advice)
+            for name in ("axial_softening", "rotary_scaling")
+        },
+    )
 
 
 def pilot_fields(magnitude: float, axes: tuple[int, ...]) -> np.ndarray:

@@ -12,21 +12,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from magrod_env.magnetics import FieldCourse, _checks
-from magrod_env.resolution import Resolution, choose_resolution
+from magrod_env.resolution import (
+    EXPECTED_FIELD,
+    Resolution,
+    checked_expected_field,
+    checked_resolution,
+    choose_resolution,
+)
 from magrod_env.rod.batch import PLANE_AXES, RodBatch
 from magrod_env.rod.energy import BENT, ENERGETIC, NOT_FINITE, STRETCHED
 from magrod_env.rod.equilibrium import LoadCase, StaticModel
-from magrod_env.rod.layout import LEAST_COSINE
 from magrod_env.rod.mesh import arc_lengths
 from magrod_env.rod.stability import angular_frequencies
+from magrod_env.rod.state import BatchState
 from magrod_env.scene import Scene
 from magrod_env.values import check_plane, rod_values, scaled_spin_drag, shaped
 
 ELEMENTS = ("helical", "nodal")
 PRECISIONS = ("float64", "float32")
 SAFETY = 0.4  # of the bound, for a step that is left to us: sudden fields ring, and bends shift the bound
-NUM_ELEMENTS = 6  # where nothing is said
-EXPECTED_FIELD = 45e-3  # T: the limit of the paper's coils
 WATCH_EVERY = 256  # steps
 
 Field = ArrayLike | Callable[[float], ArrayLike] | None
@@ -136,6 +140,7 @@ class Simulation:
             internal_damping=scene.internal_damping,
             num_threads=num_threads,
         )
+        self._state = BatchState(self._batch)
         self._static = StaticModel(self._values, self._batch.counts, segments, element == "nodal", scene.gravity)
         self._time = self._safe_field = 0.0
         self._field, self._gradient = np.zeros((num_rods, 3)), np.zeros((num_rods, 3, 3))
@@ -203,7 +208,7 @@ class Simulation:
             quaternions = np.broadcast_to(quaternions, (self.num_rods, *quaternions.shape))
         else:
             positions, quaternions = self._equilibria(self._field)
-        self._write_state(positions, quaternions)
+        self._state.write(positions, quaternions)
         self._batch.mark()
 
     def _equilibria(self, fields: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -315,7 +320,7 @@ class Simulation:
     def _check_in_plane(self, fields: np.ndarray) -> None:
         if self.plane is None:
             return
-        across = fields[..., ({0, 1, 2} - set(PLANE_AXES[self.plane])).pop()]
+        across = fields[..., self._state.across]
         if np.any(across != 0.0):
             raise ValueError(
                 f"field must lie in the plane {self.plane!r} of this planar simulation, but got up to "
@@ -336,7 +341,7 @@ class Simulation:
             )
         array = np.array(np.broadcast_to(array, (self.num_rods, 3, 3)))
         if self.plane is not None:
-            across = ({0, 1, 2} - set(PLANE_AXES[self.plane])).pop()
+            across = self._state.across
             inside = [axis for axis in range(3) if axis != across]
             if array[:, across, inside].any() or array[:, inside, across].any():
                 raise ValueError(
@@ -379,7 +384,7 @@ class Simulation:
     @property
     def positions(self) -> np.ndarray:
         """Positions of the nodes, m, world, (num_rods, num_nodes, 3)."""
-        return self._to_space(self._batch.nodes(self._batch.node_rows.position, len(self._batch.axes)))
+        return self._state.positions
 
     @property
     def tip_position(self) -> np.ndarray:
@@ -389,75 +394,17 @@ class Simulation:
     @property
     def velocities(self) -> np.ndarray:
         """Velocities of the nodes, m/s, world, (num_rods, num_nodes, 3)."""
-        return self._to_space(self._batch.nodes(self._batch.node_rows.velocity, len(self._batch.axes)))
+        return self._state.velocities
 
     @property
     def rotations(self) -> np.ndarray:
         """Rotation matrices of the sections, body to world, (num_rods, num_nodes, 3, 3)."""
-        w, x, y, z = np.moveaxis(self._quaternions(), -1, 0)
-        rows = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-        return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+        return self._state.rotations
 
     @property
     def angular_velocities(self) -> np.ndarray:
         """Angular velocities of the sections, rad/s, body frame, (num_rods, num_nodes, 3)."""
-        return self._momenta() * (2.0 * self._compliance())
-
-    def _quaternions(self) -> np.ndarray:
-        if self.plane is None:
-            return self._batch.nodes(self._batch.node_rows.rotation, 4)
-        w, z = np.moveaxis(self._batch.nodes(self._batch.node_rows.rotation, 2), -1, 0)
-        zero = np.zeros_like(w)
-        return np.stack((w, zero, zero, z) if self.plane == "xy" else (w, zero, -z, zero), axis=-1)
-
-    def _momenta(self) -> np.ndarray:
-        """Body angular momentum of the sections, kg m^2/s, (num_rods, num_nodes, 3)."""
-        if self.plane is None:
-            return self._batch.nodes(self._batch.node_rows.momentum, 3)
-        momentum = self._batch.nodes(self._batch.node_rows.momentum, 1)[..., 0]
-        zero = np.zeros_like(momentum)
-        return np.stack((zero, zero, momentum) if self.plane == "xy" else (zero, -momentum, zero), axis=-1)
-
-    def _compliance(self) -> np.ndarray:
-        """1/(2 J) about each body axis, (num_rods, num_nodes, 3)."""
-        if self.plane is None:
-            return self._batch.nodes(self._batch.node_rows.compliance, 2)[..., [0, 1, 1]]
-        return np.repeat(self._batch.nodes(self._batch.node_rows.compliance, 1), 3, axis=-1)
-
-    def _to_space(self, flat: np.ndarray) -> np.ndarray:
-        if self.plane is None:
-            return flat
-        full = np.zeros((*flat.shape[:-1], 3))
-        full[..., list(self._batch.axes)] = flat
-        return full
-
-    def _write_state(
-        self,
-        positions: np.ndarray,
-        quaternions: np.ndarray,
-        velocities: np.ndarray | None = None,
-        momenta: np.ndarray | None = None,
-    ) -> None:
-        batch, rows = self._batch, self._batch.node_rows
-        still = np.zeros(positions.shape)
-        velocities = still if velocities is None else velocities
-        momenta = still if momenta is None else momenta
-        if self.plane is not None:
-            axes = list(batch.axes)
-            positions, velocities = positions[..., axes], velocities[..., axes]
-            turned = quaternions[..., [0, 3]] if self.plane == "xy" else quaternions[..., [0, 2]] * (1, -1)
-            momenta = momenta[..., [2]] if self.plane == "xy" else -momenta[..., [1]]
-            quaternions = turned
-        batch.set_nodes(rows.position, positions)
-        batch.set_nodes(rows.rotation, quaternions)
-        batch.set_nodes(rows.velocity, velocities)
-        batch.set_nodes(rows.momentum, momenta)
-        batch.rows[:, batch.layout.history :] = 0.0
-        batch.rows[:, LEAST_COSINE] = 1.0
+        return self._state.angular_velocities
 
     def set_motion(self, velocities: ArrayLike, angular_velocities: ArrayLike | None = None) -> None:
         """Give the nodes velocities (m/s, world) and angular velocities (rad/s, body), both (num_rods, num_nodes, 3).
@@ -478,15 +425,15 @@ class Simulation:
             array[:, 0] = 0.0
             arrays.append(array)
         if self.plane is not None:
-            across = ({0, 1, 2} - set(PLANE_AXES[self.plane])).pop()
+            across = self._state.across
             inside = [axis for axis in range(3) if axis != across]
             if arrays[0][..., across].any() or arrays[1][..., inside].any():
                 raise ValueError(
                     f"velocities must keep the rod in the plane {self.plane!r} of this planar simulation, but some "
                     "leave it: leave those components out, or use plane=None."
                 )
-        momenta = arrays[1] / (2.0 * np.where(self._compliance() > 0.0, self._compliance(), 1.0))
-        self._write_state(self.positions, self._quaternions(), arrays[0], momenta)
+        state = self._state
+        state.write(state.positions, state.quaternions, arrays[0], state.momenta_of(arrays[1]))
         self._batch.mark()
 
     def snapshot(self) -> dict[str, Any]:
@@ -531,10 +478,7 @@ class Simulation:
         """Lumped mass of each node, magnets included, kg, (num_rods, num_nodes); the clamp's is not part of the
         motion: 0.
         """
-        inverse = self._batch.nodes(self._batch.node_rows.inverse_mass, 1)[..., 0]
-        masses = 1.0 / inverse
-        masses[:, 0] = 0.0
-        return masses
+        return self._state.masses
 
     def linear_momentum(self) -> np.ndarray:
         """Linear momentum, kg m/s, world, (num_rods, 3)."""
@@ -543,7 +487,7 @@ class Simulation:
     def angular_momentum(self) -> np.ndarray:
         """Angular momentum about the clamp, kg m^2/s, world, (num_rods, 3)."""
         orbital = np.cross(self.positions, self.node_masses[..., None] * self.velocities)
-        return (orbital + np.einsum("rnij,rnj->rni", self.rotations, self._momenta()))[:, 1:].sum(axis=1)
+        return (orbital + np.einsum("rnij,rnj->rni", self.rotations, self._state.momenta))[:, 1:].sum(axis=1)
 
     def natural_frequencies(self, field: ArrayLike | None = None) -> np.ndarray:
         """Natural frequencies (Hz, increasing) of small vibrations about the equilibrium in `field`, (3,) T; None:
@@ -561,45 +505,6 @@ def _check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
         raise ValueError(
             f"{name} must be one of {', '.join(map(repr, choices))}, but got {value!r}: choose one of them."
         )
-
-
-def checked_expected_field(value: Any) -> float:
-    """The strongest field that is likely, T; ValueError where it is none."""
-    return _checks.number("expected_field", value, at_least=0.0, advice="give its magnitude in tesla, 45 mT is 45e-3")
-
-
-def checked_resolution(
-    num_elements: Any, time_step: Any, axial_softening: Any, rotary_scaling: Any, tolerance: Any
-) -> Resolution:
-    """What the user has said about the resolution; with a tolerance, nothing else may be said.
-
-    Raises:
-        ValueError: on a number out of range, or a tolerance beside another choice.
-    """
-    given = {
-        "num_elements": num_elements,
-        "time_step": time_step,
-        "axial_softening": axial_softening,
-        "rotary_scaling": rotary_scaling,
-    }
-    if tolerance is not None:
-        _checks.number("tolerance", tolerance, above=0.0, advice="give the tip's RMS error in metres, 0.1 mm is 1e-4")
-        for name, value in given.items():
-            if value is not None:
-                raise ValueError(
-                    f"{name} must be None beside a tolerance, which chooses it, but got {value!r}: give one of them."
-                )
-        return Resolution(num_elements=NUM_ELEMENTS)
-    count = NUM_ELEMENTS if num_elements is None else num_elements
-    advice = "1 leaves the rod as it is; larger allows longer steps"
-    return Resolution(
-        num_elements=int(_checks.count("num_elements", count, advice="6 is a good start")),
-        time_step=time_step,
-        **{
-            name: 1.0 if given[name] is None else _checks.number(name, given[name], at_least=1.0, advice=advice)
-            for name in ("axial_softening", "rotary_scaling")
-        },
-    )
 
 
 @lru_cache(maxsize=64)

@@ -27,7 +27,7 @@ MAY_IMPORT = {
     "scene": PHYSICS,
     "scenes": {*PHYSICS, "scene"},
     "values": {*PHYSICS, "scene"},
-    "resolution": set(),
+    "resolution": {"magnetics"},
     "simulation": {*SCENES, "values", "resolution"},
     "estimation": {*SCENES, "values", "simulation"},
     "envs": {*SCENES, "values", "resolution", "simulation", "estimation", "rendering"},

@@ -244,7 +244,7 @@ class SteeringCore:
         columns = []
         for case in cases:
             nominal._batch.set_field(case.field[None])
-            nominal._write_state(case.positions[None], case.quaternions[None])
+            nominal._state.write(case.positions[None], case.quaternions[None])
             column = np.zeros(self.batch.layout.size, self.batch.dtype)
             column[:] = nominal._batch.rows[0, :, 0]
             column[ENERGY] = np.inf  # the watchdog takes what it sees first

@@ -14,10 +14,10 @@ from magrod_env.envs.settings import Camera, Randomization
 from magrod_env.envs.tasks import Task
 from magrod_env.envs.workspace import Workspace
 from magrod_env.magnetics import Actuator, UniformCoils, _checks
-from magrod_env.resolution import Resolution
+from magrod_env.resolution import Resolution, checked_resolution
 from magrod_env.scene import Scene
 from magrod_env.scenes import load_scene
-from magrod_env.simulation import checked_resolution, resolution_for
+from magrod_env.simulation import resolution_for
 from magrod_env.values import check_plane
 
 DRAG_RATE = 5.0  # 1/s: the paper's rods come to rest within a second

@@ -1,0 +1,113 @@
+"""The motion of a batch of rods in space, whatever its kernel computes in: read from its rows and written to them."""
+
+import numpy as np
+
+from magrod_env.rod.batch import PLANE_AXES, RodBatch
+from magrod_env.rod.layout import LEAST_COSINE
+
+
+class BatchState:
+    """Positions, rotations and motion of every node of a batch, float64; what leaves the plane of a planar one is 0."""
+
+    def __init__(self, batch: RodBatch) -> None:
+        self.batch, self.rows, self.plane = batch, batch.node_rows, batch.plane
+
+    @property
+    def across(self) -> int | None:
+        """World axis across the plane of planar motion."""
+        return None if self.plane is None else ({0, 1, 2} - set(PLANE_AXES[self.plane])).pop()
+
+    @property
+    def positions(self) -> np.ndarray:
+        """m, world, (num_rods, num_nodes, 3)."""
+        return self._in_space(self.rows.position)
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """m/s, world, (num_rods, num_nodes, 3)."""
+        return self._in_space(self.rows.velocity)
+
+    @property
+    def quaternions(self) -> np.ndarray:
+        """Rotations of the sections, body to world, scalar first, (num_rods, num_nodes, 4)."""
+        if self.plane is None:
+            return self.batch.nodes(self.rows.rotation, 4)
+        w, z = np.moveaxis(self.batch.nodes(self.rows.rotation, 2), -1, 0)
+        zero = np.zeros_like(w)
+        return np.stack((w, zero, zero, z) if self.plane == "xy" else (w, zero, -z, zero), axis=-1)
+
+    @property
+    def rotations(self) -> np.ndarray:
+        """Rotation matrices of the sections, body to world, (num_rods, num_nodes, 3, 3)."""
+        w, x, y, z = np.moveaxis(self.quaternions, -1, 0)
+        rows = [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+        return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+    @property
+    def momenta(self) -> np.ndarray:
+        """Angular momentum of the sections, kg m^2/s, body frame, (num_rods, num_nodes, 3)."""
+        if self.plane is None:
+            return self.batch.nodes(self.rows.momentum, 3)
+        momentum = self.batch.nodes(self.rows.momentum, 1)[..., 0]
+        zero = np.zeros_like(momentum)
+        return np.stack((zero, zero, momentum) if self.plane == "xy" else (zero, -momentum, zero), axis=-1)
+
+    @property
+    def angular_velocities(self) -> np.ndarray:
+        """rad/s, body frame, (num_rods, num_nodes, 3)."""
+        return self.momenta * (2.0 * self._compliance)
+
+    @property
+    def masses(self) -> np.ndarray:
+        """Lumped mass of each node, magnets included, kg, (num_rods, num_nodes); 0 for the clamp's, which is fixed."""
+        masses = 1.0 / self.batch.nodes(self.rows.inverse_mass, 1)[..., 0]
+        masses[:, 0] = 0.0
+        return masses
+
+    @property
+    def _compliance(self) -> np.ndarray:
+        """1/(2 J) about each body axis, (num_rods, num_nodes, 3)."""
+        if self.plane is None:
+            return self.batch.nodes(self.rows.compliance, 2)[..., [0, 1, 1]]
+        return np.repeat(self.batch.nodes(self.rows.compliance, 1), 3, axis=-1)
+
+    def momenta_of(self, angular_velocities: np.ndarray) -> np.ndarray:
+        """Angular momenta, kg m^2/s, of angular velocities, rad/s, both in the body frame, (num_rods, num_nodes, 3)."""
+        return angular_velocities / (2.0 * np.where(self._compliance > 0.0, self._compliance, 1.0))
+
+    def _in_space(self, row: int) -> np.ndarray:
+        flat = self.batch.nodes(row, len(self.batch.axes))
+        if self.plane is None:
+            return flat
+        full = np.zeros((*flat.shape[:-1], 3))
+        full[..., list(self.batch.axes)] = flat
+        return full
+
+    def write(
+        self,
+        positions: np.ndarray,
+        quaternions: np.ndarray,
+        velocities: np.ndarray | None = None,
+        momenta: np.ndarray | None = None,
+    ) -> None:
+        """Put every rod into a state: units and shapes as above; at rest where no motion is given."""
+        batch, rows = self.batch, self.rows
+        still = np.zeros(positions.shape)
+        velocities = still if velocities is None else velocities
+        momenta = still if momenta is None else momenta
+        if self.plane is not None:
+            axes = list(batch.axes)
+            positions, velocities = positions[..., axes], velocities[..., axes]
+            turned = quaternions[..., [0, 3]] if self.plane == "xy" else quaternions[..., [0, 2]] * (1, -1)
+            momenta = momenta[..., [2]] if self.plane == "xy" else -momenta[..., [1]]
+            quaternions = turned
+        batch.set_nodes(rows.position, positions)
+        batch.set_nodes(rows.rotation, quaternions)
+        batch.set_nodes(rows.velocity, velocities)
+        batch.set_nodes(rows.momentum, momenta)
+        batch.rows[:, batch.layout.history :] = 0.0
+        batch.rows[:, LEAST_COSINE] = 1.0
