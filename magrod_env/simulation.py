@@ -26,7 +26,7 @@ from magrod_env.rod.mesh import arc_lengths
 from magrod_env.rod.stability import angular_frequencies
 from magrod_env.rod.state import BatchState
 from magrod_env.scene import Scene
-from magrod_env.values import check_plane, rod_values, scaled_spin_drag, shaped
+from magrod_env.values import check_plane, rod_values, scene_terms, shaped
 
 ELEMENTS = ("helical", "nodal")
 PRECISIONS = ("float64", "float32")
@@ -134,10 +134,7 @@ class Simulation:
             nodal=element == "nodal",
             precision=precision,
             plane=plane,
-            gravity=scene.gravity,
-            drag_rate=scene.drag_rate,
-            spin_drag_rate=scaled_spin_drag(scene, resolution.rotary_scaling),
-            internal_damping=scene.internal_damping,
+            **scene_terms(scene, resolution.rotary_scaling),
             num_threads=num_threads,
         )
         self._state = BatchState(self._batch)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from magrod_env.rod.batch import PLANE_AXES
@@ -27,6 +29,16 @@ def rod_values(
         magnet_moments=np.array([magnet.dipole_moment for magnet in scene.magnets] or [np.zeros(3)]),
     )
     return values, tuple(ends.index(magnet.position) for magnet in scene.magnets)
+
+
+def scene_terms(scene: Scene, rotary_scaling: float) -> dict[str, Any]:
+    """Terms of a scene as `RodBatch` takes them, None where the scene leaves one out."""
+    return {
+        "gravity": scene.gravity,
+        "drag_rate": scene.drag_rate,
+        "spin_drag_rate": scaled_spin_drag(scene, rotary_scaling),
+        "internal_damping": scene.internal_damping,
+    }
 
 
 def scaled_spin_drag(scene: Scene, rotary_scaling: float) -> float | None:

@@ -27,6 +27,7 @@ from scripts.precision_figures import draw
 
 PEERS = (mujoco_chain, pyelastica, soromox)
 LEVELS = (0.35, 0.06, 0.01)  # mm, at which run times are compared
+BATCH_COLUMNS = ("simulator", "set-up", "resolution", "rods", "error of one rod, mm", "control steps/s")
 OURS = ("helical", "helical, conditioned", "helical, planar", "helical, float32")
 
 
@@ -221,7 +222,7 @@ def batches(report: Report, tried: list[pr.Trial], record: Record, quick: bool) 
         return
     table = Table(
         "Many rods, rotating field, all cores: control steps a second (20 ms each)",
-        ("simulator", "set-up", "resolution", "rods", "error of one rod, mm", "control steps/s"),
+        BATCH_COLUMNS,
         note="Between steps the field is set and the positions can be read.",
     )
     threads = os.cpu_count() or 1
@@ -256,7 +257,7 @@ def batches_of_peers(report: Report, tried: list[pr.Trial], record: Record) -> N
         return
     table = Table(
         "Many rods of other simulators, rotating field, two threads: control steps a second (20 ms each)",
-        ("simulator", "set-up", "resolution", "rods", "error of one rod, mm", "control steps/s"),
+        BATCH_COLUMNS,
     )
     problem, rods = pr.problem(trial), 256
     for peer in PEERS:

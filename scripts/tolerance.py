@@ -103,25 +103,30 @@ def promises(report: Report, records: list[Record]) -> None:
         "Too dear: a reference beyond the budget. Sensitive: reference and finer reference differ by more than the "
         "tolerance. Percentages: quantiles over the scenes.",
     )
+    for tolerance, family, those in _groups(records):
+        told = [each for each in those if each.outcome == "measured" and not each.sensitive]
+        refused = sum(each.outcome == "refused" for each in those)
+        dear = sum(each.outcome in ("too dear", "not tried") for each in those)
+        row = (tolerance, family, len(those), refused, dear, sum(each.sensitive for each in those))
+        if not told:
+            table.rows.append((*row, *[None] * (2 + len(QUANTILES))))
+            continue
+        ratios = np.array([each.error / tolerance for each in told])
+        rods = np.concatenate([_ratios(each) for each in told])
+        share = float(np.mean(ratios <= 1.0))
+        shown = (_quantile(ratios, q) for q in QUANTILES)
+        table.rows.append((*row, share, float(np.mean(rods <= 1.0)), *shown))
+        if family == "all":
+            what = f"share of {len(told)} scenes within {tolerance:g} m"
+            report.checks.append(Check("promise", what, share, PROMISED, "", at_least=True))
+    report.show("promises", table)
+
+
+def _groups(records: list[Record]) -> Iterable[tuple[float, str, list[Record]]]:
+    """Tolerance, the loosest first, family or "all", and its records."""
     for tolerance in sorted({record.tolerance for record in records}, reverse=True):
         for family in (*FAMILIES, "all"):
-            those = [each for each in records if each.tolerance == tolerance and family in (each.family, "all")]
-            told = [each for each in those if each.outcome == "measured" and not each.sensitive]
-            refused = sum(each.outcome == "refused" for each in those)
-            dear = sum(each.outcome in ("too dear", "not tried") for each in those)
-            row = (tolerance, family, len(those), refused, dear, sum(each.sensitive for each in those))
-            if not told:
-                table.rows.append((*row, *[None] * (2 + len(QUANTILES))))
-                continue
-            ratios = np.array([each.error / tolerance for each in told])
-            rods = np.concatenate([_ratios(each) for each in told])
-            share = float(np.mean(ratios <= 1.0))
-            shown = (_quantile(ratios, q) for q in QUANTILES)
-            table.rows.append((*row, share, float(np.mean(rods <= 1.0)), *shown))
-            if family == "all":
-                what = f"share of {len(told)} scenes within {tolerance:g} m"
-                report.checks.append(Check("promise", what, share, PROMISED, "", at_least=True))
-    report.show("promises", table)
+            yield tolerance, family, [r for r in records if r.tolerance == tolerance and family in (r.family, "all")]
 
 
 def _ratios(record: Record) -> np.ndarray:
@@ -173,22 +178,20 @@ def prices(report: Report, records: list[Record]) -> None:
         "conditionings, at their default steps; grid not cheaper: nothing in it was good enough at up to twice the "
         "cost. Running: the eight rods, 2 s.",
     )
-    for tolerance in sorted({record.tolerance for record in records}, reverse=True):
-        for family in (*FAMILIES, "all"):
-            those = [each for each in records if each.tolerance == tolerance and family in (each.family, "all")]
-            ratios = [each.cost / each.best_cost for each in those if each.cost and each.best_cost]
-            unmatched = sum(each.priced and each.best_cost is None for each in those)
-            times = [each.choosing_time for each in those if each.outcome != "not tried"]
-            relative = [each.choosing_time / each.run_time for each in those if each.run_time]
-            table.rows.append(
-                (
-                    *(tolerance, family, len(ratios) + unmatched),
-                    *(_quantile(np.array(ratios), q) if ratios else None for q in (0.5, 0.9, 1.0)),
-                    unmatched,
-                    *(_quantile(np.array(times), q) if times else None for q in (0.5, 0.9, 1.0)),
-                    _quantile(np.array(relative), 0.5) if relative else None,
-                )
+    for tolerance, family, those in _groups(records):
+        ratios = [each.cost / each.best_cost for each in those if each.cost and each.best_cost]
+        unmatched = sum(each.priced and each.best_cost is None for each in those)
+        times = [each.choosing_time for each in those if each.outcome != "not tried"]
+        relative = [each.choosing_time / each.run_time for each in those if each.run_time]
+        table.rows.append(
+            (
+                *(tolerance, family, len(ratios) + unmatched),
+                *(_quantile(np.array(ratios), q) if ratios else None for q in (0.5, 0.9, 1.0)),
+                unmatched,
+                *(_quantile(np.array(times), q) if times else None for q in (0.5, 0.9, 1.0)),
+                _quantile(np.array(relative), 0.5) if relative else None,
             )
+        )
     report.show("prices", table)
 
 

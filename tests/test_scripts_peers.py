@@ -84,7 +84,7 @@ def test_mujoco_with_implicit_springs_takes_large_steps():
     need(mujoco_chain)
     setting = mujoco_chain.Setting(5, mujoco_chain.BENDING, "discrete", 5e-3)
     assert error(mujoco_chain, setting, "rotating_field") < 1.0
-    assert mujoco_chain.run_batch(problem("rotating_field"), setting, 4, 1, repeats=1, steps=1) > 0.0
+    assert mujoco_chain.run_batch(problem("rotating_field"), setting, 4, 1) > 0.0
 
 
 def test_mujoco_run_beyond_the_stable_step_is_reported_as_diverged():
@@ -111,7 +111,7 @@ def test_pyelastica_needs_the_half_element_at_the_clamp():
 def test_pyelastica_batch_has_a_speed():
     need(pyelastica)
     case = problem("rotating_field")
-    assert pyelastica.run_batch(case, pyelastica.settings(case, quick=True)[0], 3, repeats=1, steps=1) > 0.0
+    assert pyelastica.run_batch(case, pyelastica.settings(case, quick=True)[0], 3, 1) > 0.0
 
 
 @pytest.mark.slow

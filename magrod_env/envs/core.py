@@ -23,7 +23,7 @@ from magrod_env.rod.equilibrium import StaticModel
 from magrod_env.rod.layout import ENERGY, make_blocks
 from magrod_env.scene import Scene
 from magrod_env.simulation import SAFETY, Simulation
-from magrod_env.values import check_plane, rod_values, scaled_spin_drag
+from magrod_env.values import check_plane, rod_values, scene_terms
 
 REWARD_TERMS = ("tracking", "precision", "effort", "smoothness")
 OBSERVE = ("camera", "state")
@@ -81,10 +81,7 @@ class SteeringCore:
             nodal=False,
             precision=precision,
             plane=plane,
-            gravity=scene.gravity,
-            drag_rate=scene.drag_rate,
-            spin_drag_rate=scaled_spin_drag(scene, resolution.rotary_scaling),
-            internal_damping=scene.internal_damping,
+            **scene_terms(scene, resolution.rotary_scaling),
             slew=actuator.slew_limit is not None,
             lag=actuator.lag is not None,
             turned=actuator.slew_limit is not None and randomization.active,

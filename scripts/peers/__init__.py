@@ -1,7 +1,8 @@
 """The same rod with other simulators, for error against run time: one adapter a module of this folder.
 
-An adapter names its simulator (`NAME`), says whether it can run (`available`), offers its best set-ups (`settings`) and
-runs one (`run`); `run_batch`, where there is one, times many rods at once. Simulators are imported inside functions.
+An adapter names its simulator (`NAME`), says whether it can run (`available`), offers its best set-ups (`settings`),
+runs one (`run`) and times many rods at once (`run_batch`): the field is set, all rods advance, states can be read.
+Simulators are imported inside functions.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from importlib import metadata
 from typing import Any
 
 import numpy as np
+
+CONTROL_TIME, CONTROL_STEPS, REPEATS = 0.02, 5, 5  # of a batch: s, steps timed together, of which the least counts
 
 Field = Callable[[float], np.ndarray]
 Magnet = tuple[float, float, np.ndarray]
@@ -115,6 +118,18 @@ def finished(
         wall = min(wall, simulate()[1])
     tip = np.full_like(tip, np.nan) if diverged else tip
     return PeerRun(peer, setting.label, setting.resolution, times, tip, wall / float(times[-1] - times[0]), diverged)
+
+
+def control_steps_per_second(num_rods: int, step: Callable[[int], Any], begin: Callable[[], Any]) -> float:
+    """Control steps per second of `num_rods` rods together; `step` makes that of a number, after `begin`."""
+    shortest = math.inf
+    for _ in range(REPEATS):
+        begin()
+        start = clock()
+        for k in range(CONTROL_STEPS):
+            step(k)
+        shortest = min(shortest, clock() - start)
+    return num_rods * CONTROL_STEPS / shortest
 
 
 def clock() -> float:

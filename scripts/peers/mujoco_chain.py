@@ -32,7 +32,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scripts.peers import PeerRun, Problem, clock, finished, missing, whole_steps
+from scripts.peers import (
+    CONTROL_TIME,
+    PeerRun,
+    Problem,
+    clock,
+    control_steps_per_second,
+    finished,
+    missing,
+    whole_steps,
+)
 
 if TYPE_CHECKING:
     import mujoco
@@ -85,35 +94,24 @@ def run(problem: Problem, setting: Setting, times: np.ndarray, repeats: int = 3)
     return finished(NAME, setting, problem, times, lambda: _simulate(problem, setting, model, times), repeats)
 
 
-def run_batch(
-    problem: Problem,
-    setting: Setting,
-    num_rods: int,
-    threads: int,
-    control_time: float = 0.02,
-    repeats: int = 5,
-    steps: int = 5,
-) -> float:
-    """Control steps per second of `num_rods` rods together: the field is set, all rods advance, states can be read."""
+def run_batch(problem: Problem, setting: Setting, num_rods: int, threads: int) -> float:
+    """Control steps per second of `num_rods` rods together, by `threads` threads."""
     from mujoco import batch
 
-    parts = whole_steps(control_time, CHUNK)
+    parts = whole_steps(CONTROL_TIME, CHUNK)
     model = build(problem, setting)
-    count = _fit_step(model, setting, control_time / parts)
+    count = _fit_step(model, setting, CONTROL_TIME / parts)
     rods = batch.Batch(model, num_rods, threads)
     velocity, wrench = rods.bind("qvel"), rods.bind("xfrc_applied")
-    kept = math.exp(-(problem.drag_rate or 0.0) * control_time / parts)
-    shortest = math.inf
-    for _ in range(repeats):
-        rods.reset()
-        start = clock()
-        for k in range(steps):
-            wrench[:] = _wrenches(problem, model, np.array([k * control_time]))
-            for _ in range(parts):
-                rods.step(nstep=count)
-                velocity *= kept
-        shortest = min(shortest, clock() - start)
-    return num_rods * steps / shortest
+    kept = math.exp(-(problem.drag_rate or 0.0) * CONTROL_TIME / parts)
+
+    def step(k: int) -> None:
+        wrench[:] = _wrenches(problem, model, np.array([k * CONTROL_TIME]))
+        for _ in range(parts):
+            rods.step(nstep=count)
+            velocity[:] *= kept
+
+    return control_steps_per_second(num_rods, step, rods.reset)
 
 
 def build(problem: Problem, setting: Setting) -> mujoco.MjModel:

@@ -19,7 +19,16 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from scripts.peers import PeerRun, Problem, clock, finished, missing, whole_steps
+from scripts.peers import (
+    CONTROL_TIME,
+    PeerRun,
+    Problem,
+    clock,
+    control_steps_per_second,
+    finished,
+    missing,
+    whole_steps,
+)
 from scripts.peers.pyelastica_rod import CORRECTED, HALF, PLAIN, Setting, at_limit, dipoles, rod
 
 NAME = "PyElastica"
@@ -44,35 +53,24 @@ def run(problem: Problem, setting: Setting, times: np.ndarray, repeats: int = 3)
     return finished(NAME, setting, problem, times, lambda: _simulate(problem, setting, times), repeats)
 
 
-def run_batch(
-    problem: Problem,
-    setting: Setting,
-    num_rods: int,
-    threads: int = 1,
-    control_time: float = 0.02,
-    repeats: int = 5,
-    steps: int = 3,
-) -> float:
+def run_batch(problem: Problem, setting: Setting, num_rods: int, threads: int) -> float:
     """Control steps per second of `num_rods` rods together, in one memory block; a process each for more `threads`."""
-    call = partial(_batch, replace(problem, field=None), setting, num_rods // threads, control_time, repeats, steps)
+    call = partial(_batch, replace(problem, field=None), setting, num_rods // threads)
     if threads == 1:
         return call()
     with ProcessPoolExecutor(threads, get_context("spawn")) as pool:
         return sum(task.result() for task in [pool.submit(call) for _ in range(threads)])
 
 
-def _batch(problem: Problem, setting: Setting, num_rods: int, control_time: float, repeats: int, steps: int) -> float:
+def _batch(problem: Problem, setting: Setting, num_rods: int) -> float:
     """Control steps per second in this process."""
-    rods = _Rods(problem, setting, num_rods, control_time)
-    rods.advance(1)  # compiles
-    shortest = math.inf
-    for _ in range(repeats):
-        start = clock()
-        for k in range(steps):
-            rods.field[:] = 1e-3 * k  # the field's value costs nothing, its torque does
-            rods.advance(rods.count)
-        shortest = min(shortest, clock() - start)
-    return num_rods * steps / shortest
+    rods = _Rods(problem, setting, num_rods, CONTROL_TIME)
+
+    def step(k: int) -> None:
+        rods.field[:] = 1e-3 * k  # the field's value costs nothing, its torque does
+        rods.advance(rods.count)
+
+    return control_steps_per_second(num_rods, step, lambda: rods.advance(1))
 
 
 # ---- the run

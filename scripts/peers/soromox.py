@@ -23,7 +23,17 @@ from typing import Any
 
 import numpy as np
 
-from scripts.peers import PeerRun, Problem, clock, finished, missing, whole_steps
+from scripts.peers import (
+    CONTROL_STEPS,
+    CONTROL_TIME,
+    PeerRun,
+    Problem,
+    clock,
+    control_steps_per_second,
+    finished,
+    missing,
+    whole_steps,
+)
 
 NAME = "SoRoMoX"
 RUNGE_KUTTA, LEAPFROG = "Runge-Kutta", "leapfrog"
@@ -86,33 +96,29 @@ def run(problem: Problem, setting: Setting, times: np.ndarray, repeats: int = 3)
     return finished(NAME, setting, problem, times, simulate, repeats)
 
 
-def run_batch(
-    problem: Problem,
-    setting: Setting,
-    num_rods: int,
-    threads: int,
-    control_time: float = 0.02,
-    repeats: int = 3,
-    steps: int = 3,
-) -> float:
+def run_batch(problem: Problem, setting: Setting, num_rods: int, threads: int) -> float:
     """Control steps per second of `num_rods` rods together, by `vmap`; XLA decides how many `threads` it uses."""
     import jax
     import jax.numpy as jnp
 
     robot = _Robot(problem, setting)
-    count = whole_steps(control_time, setting.time_step)
-    field = jnp.array(_fields(problem, control_time, steps, 1)[:, 0, :1])
-    chunk = robot.stepper(control_time / count)
+    count = whole_steps(CONTROL_TIME, setting.time_step)
+    field = jnp.array(_fields(problem, CONTROL_TIME, CONTROL_STEPS, 1)[:, 0, :1])
+    chunk = robot.stepper(CONTROL_TIME / count)
     go = jax.jit(jax.vmap(lambda state, b: chunk(state, jnp.broadcast_to(b, (count, 3, 3)))[0], (0, None)))
     state = tuple(jnp.zeros((num_rods, robot.size)) for _ in range(2))
     jax.block_until_ready(go(state, field[0]))  # compiles
-    shortest = math.inf
-    for _ in range(repeats):
-        start, now = clock(), state
-        for k in range(steps):
-            now = jax.block_until_ready(go(now, field[k]))
-        shortest = min(shortest, clock() - start)
-    return num_rods * steps / shortest
+    now = state
+
+    def begin() -> None:
+        nonlocal now
+        now = state
+
+    def step(k: int) -> None:
+        nonlocal now
+        now = jax.block_until_ready(go(now, field[k]))
+
+    return control_steps_per_second(num_rods, step, begin)
 
 
 def at_limit(problem: Problem, bending: int, strains: int | None, method: str) -> Setting:
