@@ -20,7 +20,7 @@ import tyro
 from tqdm import tqdm
 
 from magrod_env import Simulation
-from scripts import Report, Table
+from scripts import Report, Table, spectral
 from scripts import precision as pr
 from scripts.peers import mujoco_chain, pyelastica, soromox
 from scripts.precision_figures import draw
@@ -28,6 +28,7 @@ from scripts.precision_figures import draw
 PEERS = (mujoco_chain, pyelastica, soromox)
 LEVELS = (0.35, 0.06, 0.01)  # mm, at which run times are compared
 BATCH_COLUMNS = ("simulator", "set-up", "resolution", "rods", "error of one rod, mm", "control steps/s")
+BATCH = "helical, batch of 64, per rod"
 OURS = ("helical", "helical, conditioned", "helical, planar", "helical, float32")
 
 
@@ -154,6 +155,15 @@ def run_peers(trial: pr.Trial, truth: np.ndarray, record: Record, quick: bool) -
                 record.add(Outcome(*key, done.error(truth), walls))
 
 
+def run_spectral(trial: pr.Trial, truth: np.ndarray, record: Record, quick: bool) -> None:
+    """A high-order element, the reference's own, at growing degree: in all, and what its loads alone take."""
+    if trial.name not in spectral.SCENES or any(o.who == spectral.NAME for o in record.of(trial.name)):
+        return
+    for run in tqdm(spectral.runs(trial, quick), desc=f"{trial.name}, spectral", leave=False):
+        for line, wall in ((spectral.WHOLE, run.wall), (spectral.LOADS, run.wall_of_loads)):
+            record.add(Outcome(trial.name, spectral.NAME, line, run.resolution, error(run.tip, truth), wall))
+
+
 def front(outcomes: Iterable[Outcome]) -> list[Outcome]:
     """Those that no other beats in both error and time, the quickest first."""
     best, kept = math.inf, []
@@ -181,7 +191,7 @@ def show_scene(report: Report, trial: pr.Trial, outcomes: list[Outcome], note: s
     table.note = note
     report.tables[trial.name] = table
     best = Table(f"{trial.title}: what nothing beats", table.columns, note=note)
-    for outcome in front(o for o in outcomes if o.line != "helical, batch of 64, per rod"):
+    for outcome in front(o for o in outcomes if o.line not in (BATCH, spectral.LOADS)):
         best.rows.append((outcome.who, outcome.line, outcome.resolution, outcome.error, _milliseconds(outcome)))
     report.show(f"{trial.name}_front", best)
 
@@ -200,8 +210,9 @@ def compare(report: Report, tried: list[pr.Trial], record: Record) -> None:
         outcomes = record.of(trial.name)
         for level in LEVELS:
             ours = cheapest((o for o in outcomes if o.who == "magrod" and o.line in OURS), level)
-            other = cheapest((o for o in outcomes if o.who != "magrod"), level)
-            if ours is None or not any(o.who != "magrod" for o in outcomes):
+            peers = [o for o in outcomes if o.who not in ("magrod", spectral.NAME)]
+            other = cheapest(peers, level)
+            if ours is None or not peers:
                 continue
             names = [
                 "-" if o is None else f"{o.who if o.who != 'magrod' else ''} {o.line}, {o.resolution}".strip()
@@ -213,6 +224,26 @@ def compare(report: Report, tried: list[pr.Trial], record: Record) -> None:
             )
     if table.rows:
         report.show("equal_error", table)
+
+
+def high_order(report: Report, tried: list[pr.Trial], record: Record) -> None:
+    """Where the error of a high-order element costs less than the same error of the low-order ones."""
+    table = Table(
+        "One spectral element against many helical ones, ms a simulated second",
+        ("scene", "spectral element", "error, mm", "spectral", "its loads alone", "helical, as good", "with"),
+        note="Spectral: the reference solver with one element, compiled loads in SciPy's time loop, DOP853; its loads "
+        "alone are what a compiled loop could come down to. Helical: the least wall time of runs within that error.",
+    )
+    for trial in tried:
+        outcomes = record.of(trial.name)
+        loads = {o.resolution: o for o in outcomes if o.line == spectral.LOADS}
+        for whole in [o for o in outcomes if o.who == spectral.NAME and o.line != spectral.LOADS]:
+            ours = cheapest((o for o in outcomes if o.who == "magrod" and o.line in OURS), whole.error)
+            row = (trial.title, whole.resolution, whole.error, _milliseconds(whole))
+            told = (None, "-") if ours is None else (_milliseconds(ours), f"{ours.line}, {ours.resolution}")
+            table.rows.append((*row, _milliseconds(loads[whole.resolution]), *told))
+    if table.rows:
+        report.show("high_order", table)
 
 
 def batches(report: Report, tried: list[pr.Trial], record: Record, quick: bool) -> None:
@@ -313,12 +344,14 @@ def measure(args: Args) -> Report:
     for trial in tqdm(tried, desc="scenes"):
         truth, notes[trial.name] = _truth(trial)
         run_ours(trial, truth, record, args.quick)
+        run_spectral(trial, truth, record, args.quick)
         if args.peers and trial.peers:
             run_peers(trial, truth, record, args.quick)
         show_scene(report, trial, record.of(trial.name), notes[trial.name])
         if args.figures is not None:
             draw(args.figures / f"precision_{trial.name}.png", trial.title, record.of(trial.name))
     compare(report, tried, record)
+    high_order(report, tried, record)
     batches(report, tried, record, args.quick)
     if args.peers and not args.quick:
         batches_of_peers(report, tried, record)

@@ -30,7 +30,8 @@ class Trial:
     """A scene in motion: straight at time 0, at rest or with given velocities.
 
     ``field`` T of the time (s); ``velocity`` m/s, transverse (z), of the share of the length; ``finest`` elements of
-    our own reference; ``magnitude`` T, strongest field.
+    our own reference; ``magnitude`` T, strongest field;
+    ``elements`` of every line, ``finer_elements`` of the best one alone.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Trial:
     finest: int = 64
     peers: bool = False
     elements: tuple[int, ...] = (2, 3, 4, 6, 10, 20, 40)
+    finer_elements: tuple[int, ...] = ()
 
     @property
     def times(self) -> np.ndarray:
@@ -82,7 +84,14 @@ def trials() -> list[Trial]:
     stiffer = load_scene("paper4_pdms_tip_magnet", modulus=1.48e6)
     rising = {name: CASES[name] for name in CASES}
     return [
-        Trial("free_decay", "free decay, undamped", round_rod.replace(drag_rate=None), plane="xz", peers=True),
+        Trial(
+            "free_decay",
+            "free decay, undamped",
+            round_rod.replace(drag_rate=None),
+            plane="xz",
+            peers=True,
+            finer_elements=(80, 160),
+        ),
         Trial(
             "rotating_field",
             "rotating field, damped",
@@ -90,6 +99,7 @@ def trials() -> list[Trial]:
             magnitude=17e-3,
             peers=True,
             finest=48,
+            finer_elements=(80, 160),
         ),
         Trial(
             "gravity_rotating_field",
@@ -97,6 +107,7 @@ def trials() -> list[Trial]:
             *rising["gravity_rotating_field"],
             magnitude=17e-3,
             peers=True,
+            finer_elements=(80, 160),
         ),
         Trial(
             "two_magnet_free_decay",
@@ -156,6 +167,10 @@ def setups(trial: Trial, quick: bool) -> Iterator[Setup]:
             for axial, rotary in CONDITIONINGS[1:3] if quick else CONDITIONINGS:
                 chosen = {"num_elements": n, "axial_softening": axial, "rotary_scaling": rotary}
                 yield Setup("helical, conditioned", chosen, **longest)
+    for n in trial.finer_elements if not quick else ():
+        yield Setup(
+            "helical, planar" if trial.plane else "helical", {"num_elements": n, "plane": trial.plane}, **longest
+        )
     for n in (10,) if quick else (10, 20, 40, 80):
         if n <= 2 * trial.elements[-1]:
             yield Setup("nodal (paper)", {"num_elements": n, "element": "nodal"}, **longest)

@@ -19,7 +19,7 @@ OURS = {
     "nodal, frequency shaping (paper)": ("#d4737e", ">"),
     "tolerance": ("#111111", "*"),
 }
-PEERS = {"MuJoCo": "#4d4d4d", "PyElastica": "#7a7a7a", "SoRoMoX": "#a0a0a0"}
+PEERS = {"MuJoCo": "#4d4d4d", "PyElastica": "#7a7a7a", "SoRoMoX": "#a0a0a0", "spectral": "#386641"}
 MARKS = "PdhpX8<>"
 
 
