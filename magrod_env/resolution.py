@@ -1,11 +1,13 @@
 """From a tolerance at the tip to elements, time step and conditioning of stiff modes, by pilot runs of the scene.
 
 A pilot is a batch of eight equal rods under eight loads. What a coarser choice costs is the distance between its tip
-and that of a finer one; the finer of two is never itself taken on trust. Reasons and limits are in docs/resolution.md.
+and that of a finer one; the finer of two is never itself taken on trust. Every pilot run is logged, at level INFO,
+before it starts. Reasons and limits are in docs/resolution.md.
 """
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,6 +17,7 @@ import numpy as np
 
 from magrod_env.magnetics import _checks
 
+LOGGER = logging.getLogger(__name__)
 NUM_ELEMENTS = 6  # where nothing is said
 EXPECTED_FIELD = 45e-3  # T: the limit of the paper's coils
 LADDER = (3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64, 80, 96, 128, 160)  # elements to choose from
@@ -191,6 +194,8 @@ class _Search:
                 num_rods=NUM_LOADS, num_elements=num_elements, axial_softening=axial, rotary_scaling=rotary
             )
             simulation.time_step /= finer_steps
+            words = "pilot run: %d elements, axial_softening %.4g, rotary_scaling %.4g, %.0f steps"
+            LOGGER.info(words, num_elements, axial, rotary, DURATION / simulation.time_step)
             simulation.reset(field=np.zeros(3) if self.hanging else None)
             if not self.fields.any():
                 self._pluck(simulation)

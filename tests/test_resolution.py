@@ -56,6 +56,14 @@ def test_a_rod_that_no_field_moves_is_judged_by_its_swing():
     assert np.sqrt(np.mean(np.sum(gap**2, axis=-1))) <= 1e-3
 
 
+def test_every_pilot_run_is_logged(caplog):
+    scene = CASES["rotating_field"][0].replace(drag_rate=5.5)  # not chosen for in another test
+    with caplog.at_level("INFO", logger="magrod_env"):
+        Simulation(scene, tolerance=1e-3, expected_field=17e-3)
+    assert len(caplog.messages) >= 4
+    assert all(message.startswith("pilot run: ") for message in caplog.messages)
+
+
 def test_the_choice_is_made_once():
     scene = CASES["rotating_field"][0]
     assert resolution_for(scene, 1e-3, None, 17e-3) is resolution_for(scene, 1e-3, None, 17e-3)
