@@ -37,17 +37,17 @@ class Cameras(Protocol):
 
 
 def default_cameras() -> tuple[PinholeCamera, PinholeCamera]:
-    """Two cameras at the height of the straight rod, 0.4 m from the middle of the paper's rod (60 mm, clamped at the
-    origin along +x), at 45 degrees left and right of the world's y axis on its negative side; z is up in both images.
+    """Two cameras 0.4 m from the middle of the paper's rod (60 mm, clamped at the origin along +x): one at the side, on
+    the negative y axis with z up in its image, and one above, with y up in its image.
 
     Each has 1280 x 1024 pixels and a focal length of 2500 pixels: 0.16 mm a pixel at that distance, and all points
-    within 60 mm of the clamp are in both images.
+    within 60 mm of the clamp are in both images. The paper says only that it had two; the places are ours.
     """
-    centre = np.array(WORKSPACE)
     lens: Any = dict(focal_length=FOCAL_LENGTH, image_size=IMAGE_SIZE)
-    sides = DISTANCE * np.sqrt(0.5) * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
-    left, right = (PinholeCamera.looking_at(centre, position=centre + side, **lens) for side in sides)
-    return left, right
+    x, y, z = WORKSPACE
+    side = PinholeCamera.looking_at(WORKSPACE, position=(x, y - DISTANCE, z), up=(0.0, 0.0, 1.0), **lens)
+    above = PinholeCamera.looking_at(WORKSPACE, position=(x, y, z + DISTANCE), up=(0.0, 1.0, 0.0), **lens)
+    return side, above
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -115,7 +115,7 @@ class PinholeCamera:
     def project(self, points: ArrayLike) -> np.ndarray:
         """Pixels (..., 2) of world points (..., 3), m; NaN behind the camera, outside the image, or NaN points.
 
-        Outside counts also where the distortion folds the image over (its Jacobian is no longer positive).
+        Outside counts also where the distortion folds the image over: its Jacobian is no longer positive definite.
         """
         points = _checks.points("points", points)
         with np.errstate(all="ignore"):
@@ -123,7 +123,7 @@ class PinholeCamera:
             distorted, slope = self._distort(normalised)
             pixels = distorted * self.focal_length + self.principal_point
             inside = ((pixels >= -0.5) & (pixels <= np.array(self.image_size) - 0.5)).all(axis=-1)
-            seen = (depth > 0.0) & inside & (_determinant(slope) > 0.0)
+            seen = (depth > 0.0) & inside & _one_to_one(slope)
         return np.where(seen[..., None], pixels, np.nan)
 
     def linearise(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -159,7 +159,7 @@ class PinholeCamera:
                 step = np.stack([d * error[..., 0] - b * error[..., 1], a * error[..., 1] - c * error[..., 0]], axis=-1)
                 normalised = normalised + step / _determinant(slope)[..., None]
             distorted, slope = self._distort(normalised)
-            found = (np.abs(wanted - distorted) < 1e3 * ROUNDING).all(axis=-1) & (_determinant(slope) > 0.0)
+            found = (np.abs(wanted - distorted) < 1e3 * ROUNDING).all(axis=-1) & _one_to_one(slope)
         return np.where(found[..., None], normalised, np.nan)
 
     def ray(self, pixels: ArrayLike) -> np.ndarray:
@@ -199,6 +199,11 @@ class PinholeCamera:
 def _determinant(matrix: np.ndarray) -> np.ndarray:
     """Of (..., 2, 2)."""
     return matrix[..., 0, 0] * matrix[..., 1, 1] - matrix[..., 0, 1] * matrix[..., 1, 0]
+
+
+def _one_to_one(slope: np.ndarray) -> np.ndarray:
+    """Whether the Jacobian of a lens, (..., 2, 2) and symmetric, is positive definite."""
+    return (_determinant(slope) > 0.0) & (slope[..., 0, 0] > 0.0)
 
 
 def _numbers(what: str, value: Any, size: int, advice: str) -> np.ndarray:

@@ -140,8 +140,8 @@ class CameraStream:
             What came in by the end, oldest first.
 
         Raises:
-            ValueError: on what `Simulation.advance` refuses, or where the simulation's time is before the stream's, or so
-                late that a frame was missed.
+            ValueError: on what `Simulation.advance` refuses, or where the simulation's time is before the stream's, or
+                so late that a frame was missed.
         """
         duration = _checks.number("duration", duration, at_least=0.0, advice="give it in seconds")
         end, here = self._later(simulation.time) + duration, []
