@@ -45,7 +45,9 @@ def _distances(
     b, c = (along * direction).sum(axis=-1), np.maximum((along * along).sum(axis=-1), np.finfo(float).tiny)
     f, g = (along * offset).sum(axis=-1), (direction * offset).sum(axis=-1)
     skew = c - b * b
-    first = np.where(skew > 1e-12 * c, np.clip((b * f - c * g) / np.where(skew > 0.0, skew, 1.0), 0.0, reach), 0.0)
+    first = np.clip(
+        (b * f - c * g) / np.where(skew > 0.0, skew, 1.0), 0.0, reach
+    )  # any will do where they are parallel
     second = np.clip((b * first + f) / c, 0.0, 1.0)
     first = np.clip(b * second - g, 0.0, reach)
     return np.linalg.norm(offset + first[..., None] * direction - second[..., None] * along, axis=-1)

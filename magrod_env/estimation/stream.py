@@ -56,9 +56,9 @@ class CameraStream:
     def reset(self, seed: int | np.random.SeedSequence | None = None) -> None:
         """Back to time 0 with no frame under way; the same seed gives the same noise, and None another each time.
 
-        Noise and drops have random numbers of their own: another drop probability leaves the noise as it is.
+        Frames that are dropped take their random numbers too: another drop probability leaves the noise as it is.
         """
-        self._noise, self._drops = np.random.default_rng(seed).spawn(2)
+        self._generator = np.random.default_rng(seed)
         self._frames = 0  # exposed since time 0, and those that nobody exposed
         self._time = 0.0
         self._under_way: deque[Measurement] = deque()
@@ -94,9 +94,9 @@ class CameraStream:
                 f"time must be less than a frame after the exposure at {due:.9g} s, but got {time:.9g} s: a frame was "
                 "missed; call at least once a frame, use film, or lower rate."
             )
-        measured, covariance = self.cameras.measure(positions, self._noise, centrelines)
+        measured, covariance = self.cameras.measure(positions, self._generator, centrelines)
         self._time, self._frames = time, self._frames + 1
-        lost = self._drops.random(len(measured)) < self.drop_probability
+        lost = self._generator.random(len(measured)) < self.drop_probability
         measured[lost] = np.nan
         if not lost.all():
             self._under_way.append(Measurement(positions=measured, covariance=covariance, time=time))

@@ -9,7 +9,7 @@ import numpy as np
 from magrod_env.estimation.pinhole import PinholeCamera
 
 MOST_STEPS = 20
-SETTLED = 1e-12  # m: no Gauss-Newton step is longer
+SETTLED = 1e-10  # m: the last Gauss-Newton step, which is far longer than the error that it leaves
 CLOSE = 1e-9  # m: a point that still moves further after MOST_STEPS is refused
 PARALLEL = 1e-12  # rays are parallel where the determinant is this share of the trace cubed
 UNKNOWN = np.eye(3)  # m^2: covariance of a marker that was not seen, a metre each way; it says nothing
@@ -57,7 +57,6 @@ def _solve(
             moved = np.abs(step).max(axis=-1)
             if not (moved > SETTLED).any():
                 break
-        inverse, _, front = _step(cameras, pixels, seen, points)
         return points, inverse, front & (moved <= CLOSE) & np.isfinite(inverse).all(axis=(-2, -1))
 
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, minimize
 from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
 from magrod_env.estimation import GaussianCameras, PinholeCamera, StereoCameras
 from magrod_env.estimation.cameras import default_cameras
-from magrod_env.estimation.occlusion import hidden_by_rod
+from magrod_env.estimation.occlusion import _distances, hidden_by_rod
 from magrod_env.estimation.triangulation import triangulate
 
 TIP = np.array([0.06, 0.0, 0.0])
@@ -151,6 +151,10 @@ def test_parallel_rays_and_points_behind_are_not_measured():
     apart = np.array([[(219.5, 239.5)], [(419.5, 239.5)]])  # they meet a metre behind
     assert np.isnan(triangulate(cameras, apart, 1.0)[0]).all()
     np.testing.assert_allclose(triangulate(cameras, apart[::-1], 1.0)[0], [[0.0, 0.0, 1.0]], atol=1e-9)
+    for distance, known in ((1e-3, True), (1e-6, False)):  # between the cameras: 1 mm is still a baseline, 1 um is none
+        close = [cameras[0], cameras[0].moved(shift=(distance, 0.0, 0.0))]
+        pixels = np.stack([camera.project([(-0.1, 0.0, 1.0)]) for camera in close])
+        assert np.isfinite(triangulate(close, pixels, 1.0)[0]).all() == known
 
 
 def test_a_batch_sees_what_each_rod_alone_would():
@@ -205,6 +209,24 @@ def test_a_rod_hides_what_sampled_lines_of_sight_say():
                 continue
             assert hidden[k, m] == (gap < radius)
     assert near < 10 and 10 < hidden.sum() < 80
+
+
+def test_distance_of_segments_is_the_least_of_all_pairs_of_points():
+    rng = np.random.default_rng(9)
+    starts, ends, others = rng.standard_normal((3, 60, 3))
+    directions = rng.standard_normal((60, 3))
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    directions[:5] = ((others - ends) / np.linalg.norm(others - ends, axis=-1, keepdims=True))[:5]  # parallel
+    reach = rng.uniform(0.2, 2.0, 60)
+    gaps = _distances(starts, directions, reach, ends, others)
+    for k in range(60):
+
+        def squared(x, k=k):
+            apart = starts[k] + x[0] * directions[k] - ends[k] - x[1] * (others[k] - ends[k])
+            return apart @ apart
+
+        fit = minimize(squared, (0.1, 0.5), bounds=((0.0, reach[k]), (0.0, 1.0)), options=dict(ftol=1e-15, gtol=1e-10))
+        np.testing.assert_allclose(gaps[k], np.sqrt(fit.fun), atol=1e-5)
 
 
 def test_hidden_markers_need_another_camera():
