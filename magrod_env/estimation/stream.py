@@ -59,7 +59,7 @@ class CameraStream:
         Frames that are dropped take their random numbers too: another drop probability leaves the noise as it is.
         """
         self._generator = np.random.default_rng(seed)
-        self._frames = 0  # exposed since time 0, and those that nobody exposed
+        self._frames = 0  # exposed since time 0
         self._time = 0.0
         self._under_way: deque[Measurement] = deque()
 
