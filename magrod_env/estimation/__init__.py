@@ -1,5 +1,8 @@
 """State estimation: what cameras see of a rod, and filters that tell its shape and motion from it."""
 
+from magrod_env.estimation.cameras import GaussianCameras, StereoCameras
 from magrod_env.estimation.measurement import Measurement
+from magrod_env.estimation.pinhole import PinholeCamera
+from magrod_env.estimation.stream import CameraStream
 
-__all__ = ["Measurement"]
+__all__ = ["CameraStream", "GaussianCameras", "Measurement", "PinholeCamera", "StereoCameras"]
