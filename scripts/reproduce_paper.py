@@ -37,18 +37,18 @@ The models, all with the paper's number of elements:
 
 ## What comes out
 
-- **The locked element explains experiments 3 to 5, the shaped one 1 and 2.** The PDMS rods of the paper move as they
-  do because the element stiffens them. In experiment 4 a rod of the printed modulus that does not lock hangs so low
-  under its weight that the printed start is its rest: there would be next to no motion. The aluminium rods are the
-  other way round: locked, they swing 8 and 16 times too fast; shaped, like the closed form. The paper does not say
-  where it shaped.
+- **The locked element fits experiments 3 to 5, the shaped one 1 and 2.** Clearest is experiment 4: a rod of the printed
+  modulus that does not lock hangs so low under its weight that the printed start is nearly its rest, and it hardly
+  moves. The locked rod, or the helical one of effective modulus, moves as far as Table 8 implies. The aluminium rods
+  are the other way round: their modulus is known, locked they swing 8 and 16 times too fast, shaped like the closed
+  form. The paper does not say where it shaped.
 - **The printed time steps fit the shaped element.** Those of Tables 3, 4 and 7 lie beyond the bound of the element
-  with the moduli of the tables, but within it once E is shaped (second table of the audit below). That would explain
-  them; nothing in the paper says so.
+  with the moduli of the tables, but within it once E is shaped (first audit table below). That would explain them;
+  nothing in the paper says so.
 - **Experiment 4: the printed angle fits the chord, downwards.** Started there, the rod of effective modulus with drag
   covers what Table 8 implies, across and along the rod; read as the tangent's, the angle gives little more than half.
-- **Experiment 5** has two circles, that of the locked rod and a larger one of the rod that does not lock; the paper
-  prints no radius.
+- **Experiment 5** has two circles, that of the locked rod and a larger one, not quite round, of the rod that does not
+  lock. The paper prints no radius.
 - **Experiment 6.** With the modulus of Table 7 the locked rod hardly moves; the shaped one moves by tens of mm, as
   Table 8 asks for. With a tenth of it, the PDMS of section 4.2, the locked rod moves too, by half as much, and the
   printed time step is inside its bound. The field's path is ours, so this cannot tell which of the two was meant.

@@ -207,7 +207,7 @@ def circle_rows(experiment: Experiment) -> Rows:
         ("radius, largest, mm", "not printed", lambda run: MILLI * float(circle_radii(run).max())),
         (
             "circumference, mm",
-            f"{MILLI * whole:.1f} is what the errors of Table 8 are shares of, not said what it is",
+            f"{MILLI * whole:.1f} (Table 8; of what is not said)",
             lambda run: MILLI * 2.0 * math.pi * float(circle_radii(run).mean()),
         ),
         (
