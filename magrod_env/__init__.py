@@ -4,7 +4,7 @@ from magrod_env.magnetics import Actuator, UniformCoils
 from magrod_env.registration import register_all
 from magrod_env.scene import Magnet, Rod, Scene
 from magrod_env.scenes import load_scene, paper_scene, scene_names
-from magrod_env.simulation import Simulation, SimulationDiverged, StabilityError
+from magrod_env.simulation import CoarseWarning, Simulation, SimulationDiverged, StabilityError
 
 register_all()
 
@@ -12,6 +12,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Actuator",
+    "CoarseWarning",
     "Magnet",
     "Rod",
     "Scene",

@@ -154,6 +154,20 @@ def choose_resolution(
     return search.cheapest(rungs, *search.holding(rungs, num_elements, chosen))
 
 
+def elements_for(load: float, longest_element: float) -> float:
+    """How many times as many elements a rod should have for its loads; 1 or less where it has enough.
+
+    An element has to be short against the length sqrt(EI/(EI/L + moments)) over which the loads bend the rod: at most
+    half of it. An estimate before any run, for sudden loads: of 2,670 random scenes it told of 9 in 10 of those whose
+    tip was off by more than a twentieth of its swing, and of 1 in 4 of the others (docs/resolution.md).
+
+    Args:
+        load: moments of the loads at the clamp over EI/L.
+        longest_element: over the rod's length.
+    """
+    return 2.0 * longest_element * math.sqrt(1.0 + load)
+
+
 Conditioning = tuple[float, float]
 """axial_softening and rotary_scaling."""
 

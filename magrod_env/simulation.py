@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from collections.abc import Callable
 from functools import cached_property, lru_cache, partial
 from typing import Any
@@ -18,6 +19,7 @@ from magrod_env.resolution import (
     checked_expected_field,
     checked_resolution,
     choose_resolution,
+    elements_for,
 )
 from magrod_env.rod.batch import PLANE_AXES, RodBatch
 from magrod_env.rod.energy import BENT, ENERGETIC, NOT_FINITE, STRETCHED
@@ -26,11 +28,12 @@ from magrod_env.rod.mesh import arc_lengths
 from magrod_env.rod.stability import angular_frequencies
 from magrod_env.rod.state import BatchState
 from magrod_env.scene import Scene
-from magrod_env.values import check_plane, rod_values, scene_terms, shaped
+from magrod_env.values import check_plane, locking_factor, relative_load, rod_values, scene_terms, shaped
 
 ELEMENTS = ("helical", "nodal")
 PRECISIONS = ("float64", "float32")
 SAFETY = 0.4  # of the bound, for a step that is left to us: sudden fields ring, and bends shift the bound
+LARGEST_LOCKING = 1.05  # of bending stiffness by the paper's element, before a warning
 WATCH_EVERY = 256  # steps
 
 Field = ArrayLike | Callable[[float], ArrayLike] | None
@@ -38,6 +41,10 @@ Field = ArrayLike | Callable[[float], ArrayLike] | None
 
 class SimulationDiverged(RuntimeError):
     """A rod left the range in which its numbers mean anything; the message says which, when and what to do."""
+
+
+class CoarseWarning(UserWarning):
+    """The elements may be too few for the loads; the message says how many to take."""
 
 
 class StabilityError(RuntimeError):
@@ -124,6 +131,8 @@ class Simulation:
             resolution = resolution_for(scene, float(tolerance), plane, self.expected_field)
         self.num_elements = num_elements = resolution.num_elements
         self._values, segments = rod_values(scene, resolution.axial_softening, resolution.rotary_scaling)
+        locks = element == "nodal" and not frequency_shaping
+        self._locking = locking_factor(self._values, num_elements) if locks else 1.0
         if frequency_shaping:
             self._values = shaped(self._values, element, num_elements)
         self._batch = RodBatch(
@@ -140,6 +149,10 @@ class Simulation:
         self._state = BatchState(self._batch)
         self._static = StaticModel(self._values, self._batch.counts, segments, element == "nodal", scene.gravity)
         self._time = self._safe_field = 0.0
+        self._told_of_coarse = on_failure != "raise"
+        self._weight_load = relative_load(scene, 0.0)
+        self._load_per_tesla = relative_load(scene, 1.0) - self._weight_load
+        self._longest_element = float(np.diff(self.arc_lengths).max()) / scene.rod.length
         self._field, self._gradient = np.zeros((num_rods, 3)), np.zeros((num_rods, 3, 3))
         self.time_step = self._checked_step(resolution.time_step)
         self.resolution = dataclasses.replace(resolution, time_step=self.time_step)
@@ -168,6 +181,31 @@ class Simulation:
                 f"{self.num_elements} elements, but got {step:.3g} s: lower it, or num_elements, or leave it None."
             )
         return step
+
+    @property
+    def coarse(self) -> bool:
+        """Whether the elements may be too few for the strongest field since the reset: after sudden loads the tip may
+        be off by more than a twentieth of its swing (an estimate: `resolution.elements_for`), or the element locks.
+        """
+        return self._locking > LARGEST_LOCKING or self._elements_needed > self.num_elements
+
+    @property
+    def _elements_needed(self) -> int:
+        load = self._weight_load + self._load_per_tesla * self._safe_field
+        return math.ceil(self.num_elements * elements_for(load, self._longest_element))
+
+    def _tell_of_coarse(self) -> None:
+        """Warn, once, that the elements may be too few."""
+        if self._told_of_coarse or not self.coarse:
+            return
+        self._told_of_coarse = True
+        if self._locking > LARGEST_LOCKING:
+            problem = f"{self.num_elements} nodal elements lock: the rod bends as if EI were {self._locking:.3g} times"
+            advice = 'use element="helical", or frequency_shaping'
+        else:
+            problem = f"{self.num_elements} elements may be too few for weight and a field of {self._safe_field:.3g} T"
+            advice = f"use {self._elements_needed} or more, or a tolerance, or slow fields"
+        warnings.warn(f"{problem}: {advice} (docs/resolution.md).", CoarseWarning, stacklevel=3)
 
     def _check_field_strength(self, fields: np.ndarray) -> None:
         largest = float(np.linalg.norm(fields, axis=-1).max())
@@ -266,6 +304,7 @@ class Simulation:
         if field is not None and not callable(field):
             self._set_field(self._checked_field(field))
         start = self._time
+        self._tell_of_coarse()
         for first in range(0, steps, WATCH_EVERY):
             if first > 0:
                 self._watch()

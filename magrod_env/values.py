@@ -46,6 +46,21 @@ def scaled_spin_drag(scene: Scene, rotary_scaling: float) -> float | None:
     return None if scene.spin_drag_rate is None else scene.spin_drag_rate / rotary_scaling
 
 
+def relative_load(scene: Scene, field_magnitude: float) -> float:
+    """Moments of the loads at the clamp of the straight rod over EI/L, none: magnets in a field across (T), weights."""
+    rod = scene.rod
+    weight = 0.5 * rod.mass * rod.length + sum(magnet.mass * magnet.position for magnet in scene.magnets)
+    turning = sum(magnet.moment for magnet in scene.magnets) * field_magnitude
+    pulling = 0.0 if scene.gravity is None else weight * float(np.linalg.norm(scene.gravity))
+    return (turning + pulling) * rod.length / rod.bending_stiffness
+
+
+def locking_factor(values: RodValues, num_elements: int) -> float:
+    """1 + GA h^2/(4 EI): how much stiffer the paper's element bends than the rod."""
+    h = values.ends[-1] / num_elements
+    return 1.0 + values.shear * h**2 / (4.0 * values.bending)
+
+
 def check_plane(scene: Scene, plane: str | None) -> None:
     """Refuse a scene whose loads leave the plane."""
     if plane is None:
@@ -70,8 +85,7 @@ def shaped(values: RodValues, element: str, num_elements: int) -> RodValues:
             f"frequency_shaping must be False with element={element!r}, which does not lock: "
             'use it with element="nodal".'
         )
-    h = values.ends[-1] / num_elements
-    factor = 1.0 / (1.0 + values.shear * h**2 / (4.0 * values.bending))
+    factor = 1.0 / locking_factor(values, num_elements)
     return values._replace(
         axial=values.axial * factor,
         shear=values.shear * factor,
