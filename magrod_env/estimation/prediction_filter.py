@@ -15,7 +15,7 @@ from magrod_env.magnetics import _checks
 from magrod_env.rod.batch import PLANE_AXES
 from magrod_env.rod.energy import ENERGETIC
 from magrod_env.scene import Scene
-from magrod_env.simulation import EXPECTED_FIELD, Simulation, SimulationDiverged
+from magrod_env.simulation import EXPECTED_FIELD, Simulation, SimulationDiverged, StabilityError
 
 LAWS = ("replay", "extrapolated")
 DAMPED = ("all", "seen")
@@ -158,7 +158,11 @@ class PredictionFilter:
         if fields is not None:
             fields = np.where(rods[:, None], fields, fields[rods][0])  # the others' may have no equilibrium
         before = state_rows(self._model)
-        self._model.reset(fields)
+        try:
+            self._model.reset(fields)
+        except (ValueError, StabilityError):
+            set_state_rows(self._model, before)
+            raise
         set_state_rows(self._model, np.where(rods[:, None], state_rows(self._model), before))
         if mask is None:
             self._time = 0.0
@@ -269,6 +273,11 @@ class PredictionFilter:
     def arc_lengths(self) -> np.ndarray:
         """Arc length of every node, m, (num_nodes,)."""
         return self._model.arc_lengths
+
+    @property
+    def node_masses(self) -> np.ndarray:
+        """Lumped masses of the nodes, kg, (num_rods, num_nodes), for the rates K_a/m_a; the clamp's is 0."""
+        return self._model.node_masses
 
     @property
     def uncertainty(self) -> np.ndarray:

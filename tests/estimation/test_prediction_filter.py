@@ -11,7 +11,8 @@ from magrod_env.estimation import Measurement, PredictionFilter
 from magrod_env.estimation.damping_choice import DampingChoice
 from magrod_env.estimation.damping_law import bounded_share, damping_deviation, law_gain, paper_weights
 from magrod_env.estimation.history import Piece, state_rows
-from magrod_env.rod.layout import AXIAL, BENDING, ELEMENT_ROWS, SHEAR, TORSION
+from magrod_env.rod.layout import AXIAL, BENDING, SHEAR, TORSION
+from magrod_env.simulation import SimulationDiverged, StabilityError
 
 SCENE = load_scene("paper4_pdms_tip_magnet", modulus="effective")
 LENGTH = SCENE.rod.length
@@ -103,7 +104,7 @@ def test_sensitivity_of_a_free_mass_over_many_steps():
     model = Simulation(SCENE.replace(gravity=None), **options)
     model._batch.use_node_damping()
     for stiffness in (AXIAL, SHEAR, BENDING, TORSION):
-        model._batch.rows[:, model._batch.layout.elements + stiffness + ELEMENT_ROWS * 0] = 0.0
+        model._batch.rows[:, model._batch.layout.elements + stiffness] = 0.0
     velocity = np.array([0.05, 0.0, -0.2])
     model.set_motion(np.array([[[0, 0, 0], velocity]]))
     rows, piece_field = state_rows(model), np.zeros((1, 3))
@@ -363,6 +364,30 @@ def test_spatial_rod_with_all_nodes_damped():
         errors.append([np.linalg.norm(each.tip_position - truth.tip_position) for each in (alone, estimator)])
     without, with_filter = np.mean(errors, axis=0)
     assert with_filter < 0.2 * without
+
+
+@pytest.mark.parametrize("on_failure", ["raise", "report"])
+def test_a_model_that_fails_says_so(on_failure):
+    estimator = swinging(on_failure=on_failure)
+    estimator._model.set_motion(np.array([[[0.0, 0.0, 1e3 * (-1) ** node] for node in range(5)]]))
+    if on_failure == "raise":
+        with pytest.raises(SimulationDiverged, match="rod 0 of the filter's model left the stable range"):
+            estimator.predict(FREE, FRAME)
+    else:
+        estimator.predict(FREE, FRAME)
+        assert estimator.status[0] > 0
+
+
+def test_a_reset_that_fails_leaves_the_estimate_alone():
+    """A field against the magnet buckles a straight rod: there is no equilibrium to start from."""
+    estimator = PredictionFilter(SCENE.replace(gravity=(-1e-3, 0.0, 0.0)), **OPTIONS)
+    estimator.reset(BENT)
+    estimator.predict(FREE, FRAME)
+    before = estimator.positions
+    with pytest.raises(StabilityError):
+        estimator.reset((-45e-3, 0.0, 0.0))
+    np.testing.assert_array_equal(estimator.positions, before)
+    assert estimator.time == pytest.approx(FRAME)
 
 
 # ---- bad input
