@@ -169,6 +169,7 @@ class PredictionFilter:
             self._pieces: list[Piece] = []
             self._field = np.zeros((self.num_rods, 3))
             self._forget_scores()
+        self._innovation[rods], self._normalised[rods], self._dof[rods] = np.nan, np.nan, 0
         self._field[rods] = 0.0 if fields is None else fields[rods]
         self._born[rods], self._before[rods] = self._time, np.nan
         self._damping[rods], self._deviation[rods] = 0.0, 1.0 / np.sqrt(self._W)
