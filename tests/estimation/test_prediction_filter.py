@@ -229,6 +229,33 @@ def test_a_rod_that_starts_again_is_as_new_and_the_others_go_on():
     np.testing.assert_allclose(both.positions[1], fresh.positions[0], atol=1e-12)
 
 
+@pytest.mark.parametrize("law", ["replay", "extrapolated"])
+def test_an_interval_with_a_new_start_in_it_begins_there(law):
+    """A late frame from before the start says nothing of the new rod; later ones say what they say to a new filter."""
+    both, fresh = swinging(num_rods=2, law=law), PredictionFilter(SCENE, law=law, **OPTIONS)
+    both.reset(BENT, mask=np.array([False, True]))
+    fresh.reset(BENT)
+    for each in (both, fresh):
+        each.predict(FREE, FRAME)
+    both.update(frame(np.tile([[[0.05, 0.0, 1e-3]]], (2, 1, 1)), both.time - 1.5 * FRAME))
+    np.testing.assert_allclose(both.positions[1], fresh.positions[0], atol=1e-12)
+    for each in (both, fresh):
+        for z in (1e-4, 2e-4):
+            each.predict(FREE, FRAME)
+            off = np.array([0.0, 0.0, z])
+            each.update(frame(np.tile(twin_tip(2 + round(z / 1e-4)) + off, (each.num_rods, 1, 1)), each.time))
+    assert np.abs(fresh.damping).max() > 0.0
+    np.testing.assert_allclose(both.damping[1], fresh.damping[0], rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(both.positions[1], fresh.positions[0], atol=1e-11)
+
+
+def twin_tip(frames):
+    """The tip of the released rod after so many frames, m, (1, 3)."""
+    truth = twin()
+    truth.advance(frames * FRAME, field=FREE)
+    return truth.tip_position
+
+
 def test_batch_equals_singles_bitwise():
     rng = np.random.default_rng(5)
     goals = np.array([0.05, 0.0, 0.0]) + 5e-3 * rng.normal(size=(4, 3, 2, 3))
