@@ -222,7 +222,7 @@ def write_lane(rows, making, planar, i, rod, pull, field, drag):
 @jit
 def write_drive(rows, making, planar, i, command, mixing):
     """For turned coils behind a slew limit: command, reference and mixing of rod ``i`` in the coils' own frame."""
-    if making.layout.mixing == making.layout.history:
+    if making.layout.mixing == making.layout.node_damping:
         return
     block, lane = i // rows.shape[2], i % rows.shape[2]
     axes = (0, 1, 2) if planar is None else (0, making.plane, 3 - making.plane)

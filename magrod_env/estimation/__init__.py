@@ -3,6 +3,14 @@
 from magrod_env.estimation.cameras import GaussianCameras, StereoCameras
 from magrod_env.estimation.measurement import Measurement
 from magrod_env.estimation.pinhole import PinholeCamera
+from magrod_env.estimation.prediction_filter import PredictionFilter
 from magrod_env.estimation.stream import CameraStream
 
-__all__ = ["CameraStream", "GaussianCameras", "Measurement", "PinholeCamera", "StereoCameras"]
+__all__ = [
+    "CameraStream",
+    "GaussianCameras",
+    "Measurement",
+    "PinholeCamera",
+    "PredictionFilter",
+    "StereoCameras",
+]

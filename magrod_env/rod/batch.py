@@ -121,6 +121,21 @@ class RodBatch:
         """From now on, compute the force that a field gradient makes."""
         self.terms = self.terms._replace(gradient=PRESENT)
 
+    def use_node_damping(self) -> None:
+        """From now on, every node has a damping of its own, zero until ``set_node_damping``."""
+        before, state = self.layout, self.rows
+        self.terms = self.terms._replace(node_damping=PRESENT)
+        self.layout = make_layout(before.num_elements, before.magnet_nodes, self.terms)
+        self.blocks = make_blocks(self.num_rods, self.layout, self.terms, self.dtype)
+        self.rows = rows_of(self.blocks, self.width)
+        self.rows[:, : self.layout.node_damping] = state[:, : before.node_damping]
+        self.rows[:, self.layout.history :] = state[:, before.history :]
+
+    def set_node_damping(self, damping) -> None:
+        """Set the damping K of every node (num_rods, num_nodes, 3), kg/s, world axes: a force -K_k v_k along each."""
+        inside = np.asarray(damping)[..., list(self.axes)]
+        self.scatter(self.layout.node_damping, inside.reshape(self.num_rods, -1))
+
     def share(self, kernel, *arguments) -> None:
         """Call ``kernel(blocks, first, last, ...)`` on all blocks, shared out over the threads; it releases the GIL."""
         key = (kernel, self.terms, *(argument is None for argument in arguments))

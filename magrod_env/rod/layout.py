@@ -63,6 +63,7 @@ class Terms(NamedTuple):
     slew: Present | None = None
     lag: Present | None = None
     turned: Present | None = None  # coils with a slew limit, turned against the world or of another gain
+    node_damping: Present | None = None  # a viscous force on every node, of its own for each world axis
 
 
 class Layout(NamedTuple):
@@ -74,6 +75,7 @@ class Layout(NamedTuple):
     nodes: int
     elements: int
     mixing: int  # 9, from the coils' reference to the field, row by row, where the coils are turned
+    node_damping: int  # 3 (planar: 2) a node, kg/s, world axes, where the nodes have a damping of their own
     history: int  # last kick of velocity and momentum a node, where there is internal damping
     size: int
 
@@ -91,9 +93,11 @@ def make_layout(num_elements: int, magnet_nodes: tuple[int, ...], terms: Terms) 
     nodes = magnets + 3 * len(magnet_nodes)
     elements = nodes + node_rows * (num_elements + 1)
     mixing = elements + ELEMENT_ROWS * num_elements
-    history = mixing + (0 if terms.turned is None else 9)
+    node_damping = mixing + (0 if terms.turned is None else 9)
+    axes = 3 if terms.planar is None else 2
+    history = node_damping + (0 if terms.node_damping is None else axes * (num_elements + 1))
     size = history + (0 if terms.internal_damping is None else motion * (num_elements + 1))
-    return Layout(num_elements, magnet_nodes, magnets, nodes, elements, mixing, history, size)
+    return Layout(num_elements, magnet_nodes, magnets, nodes, elements, mixing, node_damping, history, size)
 
 
 def make_blocks(num_rods: int, layout: Layout, terms: Terms, dtype) -> np.ndarray:
