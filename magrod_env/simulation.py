@@ -35,6 +35,7 @@ PRECISIONS = ("float64", "float32")
 SAFETY = 0.4  # of the bound, for a step that is left to us: sudden fields ring, and bends shift the bound
 LARGEST_LOCKING = 1.05  # of bending stiffness by the paper's element, before a warning
 WATCH_EVERY = 256  # steps
+FIELD_AHEAD = (1.5, 1.1, 1.0)  # times a new strongest field: the step is checked as far ahead as it is stable
 
 Field = ArrayLike | Callable[[float], ArrayLike] | None
 
@@ -148,7 +149,7 @@ class Simulation:
         )
         self._state = BatchState(self._batch)
         self._static = StaticModel(self._values, self._batch.counts, segments, element == "nodal", scene.gravity)
-        self._time = self._safe_field = 0.0
+        self._time = self._strongest = self._safe_field = 0.0
         self._told_of_coarse = on_failure != "raise"
         self._weight_load = relative_load(scene, 0.0)
         self._load_per_tesla = relative_load(scene, 1.0) - self._weight_load
@@ -191,7 +192,7 @@ class Simulation:
 
     @property
     def _elements_needed(self) -> int:
-        load = self._weight_load + self._load_per_tesla * self._safe_field
+        load = self._weight_load + self._load_per_tesla * self._strongest
         return math.ceil(self.num_elements * elements_for(load, self._longest_element))
 
     def _tell_of_coarse(self) -> None:
@@ -203,20 +204,34 @@ class Simulation:
             problem = f"{self.num_elements} nodal elements lock: the rod bends as if EI were {self._locking:.3g} times"
             advice = 'use element="helical", or frequency_shaping'
         else:
-            problem = f"{self.num_elements} elements may be too few for weight and a field of {self._safe_field:.3g} T"
+            problem = f"{self.num_elements} elements may be too few for weight and a field of {self._strongest:.3g} T"
             advice = f"use {self._elements_needed} or more, or a tolerance, or slow fields"
         warnings.warn(f"{problem}: {advice} (docs/resolution.md).", CoarseWarning, stacklevel=3)
 
     def _check_field_strength(self, fields: np.ndarray) -> None:
+        """Refuse fields in which the step is too long, with few eigenvalue problems while a field rises."""
         largest = float(np.linalg.norm(fields, axis=-1).max())
-        if self.scene.magnets and largest > self._safe_field:
-            bound = self.stable_time_step_in(largest)
-            if self.time_step > bound:
-                raise ValueError(
-                    f"time_step must be at most {bound:.3g} s in a field of {largest:.3g} T, "
-                    f"but is {self.time_step:.3g} s: give Simulation a smaller time_step."
-                )
-            self._safe_field = largest
+        self._strongest = max(self._strongest, largest)
+        if not self.scene.magnets or largest <= self._safe_field:
+            return
+        for reach in (max(FIELD_AHEAD[0] * largest, self.expected_field), *(ahead * largest for ahead in FIELD_AHEAD)):
+            bound = self.stable_time_step_in(reach)
+            if self.time_step <= bound:
+                self._safe_field = reach
+                return
+        raise ValueError(
+            f"time_step must be at most {bound:.3g} s in a field of {largest:.3g} T, "
+            f"but is {self.time_step:.3g} s: give Simulation a smaller time_step."
+        )
+
+    @property
+    def time_step(self) -> float:
+        """Longest step, s, that `advance` takes."""
+        return self._time_step
+
+    @time_step.setter
+    def time_step(self, step: float) -> None:
+        self._time_step, self._safe_field = float(step), 0.0
 
     # ---- running
 
@@ -231,8 +246,7 @@ class Simulation:
             ValueError: if the field is not finite, has another shape or leaves the plane.
             StabilityError: if a rod buckles or snaps through on the way.
         """
-        self._time = 0.0
-        self._safe_field = 0.0
+        self._time = self._strongest = 0.0
         self._batch.status[:] = 0
         self._gradient[:] = 0.0
         self._batch.set_gradient(self._gradient, 0.0)
