@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from magrod_env.integrator import SHARES, check_integrator, largest_step, working_step
 from magrod_env.magnetics import FieldCourse, _checks
 from magrod_env.resolution import (
     EXPECTED_FIELD,
@@ -24,6 +25,7 @@ from magrod_env.resolution import (
 from magrod_env.rod.batch import PLANE_AXES, RodBatch
 from magrod_env.rod.energy import BENT, ENERGETIC, NOT_FINITE, STRETCHED
 from magrod_env.rod.equilibrium import LoadCase, StaticModel
+from magrod_env.rod.implicit import UNSOLVED
 from magrod_env.rod.mesh import arc_lengths
 from magrod_env.rod.stability import angular_frequencies
 from magrod_env.rod.state import BatchState
@@ -57,6 +59,7 @@ _SYMPTOMS = {
     BENT: "one element has bent by 180 degrees or more: use more elements",
     STRETCHED: "an element is stretched or squeezed by half its length",
     ENERGETIC: "its energy rose by more than the field can have put in",
+    UNSOLVED: "the equations of an implicit step were not solved",
 }
 
 
@@ -81,6 +84,9 @@ class Simulation:
         axial_softening: divides the axial stiffness EA, and
         rotary_scaling: multiplies the rotary inertia of the sections, both at least 1 and None for 1: conditioning of
             stiff modes that allows longer steps at an error to be weighed (docs/physics.md). Bending stays as it is.
+        integrator: "explicit"; or, for stiff rods, "implicit" (order 2) or "implicit4" (order 4, without internal
+            damping): in space, with the helical element in float64, their steps are bounded by accuracy alone.
+            `time_step` None then takes 1/64 or 1/12 of the period of the slowest vibration of the straight rod.
         frequency_shaping: with element="nodal", divide E by the locking factor 1 + GA h^2/(4 EI), h = length/elements.
         on_failure: "raise" SimulationDiverged after a step that a rod did not survive, or only "report" it in `status`.
         num_threads: threads that share the batch; None for one a core.
@@ -103,6 +109,7 @@ class Simulation:
         plane: str | None = None,
         axial_softening: float | None = None,
         rotary_scaling: float | None = None,
+        integrator: str = "explicit",
         frequency_shaping: bool = False,
         on_failure: str = "raise",
         num_threads: int | None = None,
@@ -114,6 +121,7 @@ class Simulation:
         _check_choice("precision", precision, PRECISIONS)
         _check_choice("on_failure", on_failure, ("raise", "report"))
         check_plane(scene, plane)
+        check_integrator(integrator, scene, element=element, precision=precision, plane=plane, tolerance=tolerance)
         if element == "nodal" and scene.internal_damping is not None:
             raise ValueError(
                 'internal_damping must be None with element="nodal", which the paper has without it, '
@@ -121,6 +129,7 @@ class Simulation:
             )
         self.scene, self.num_rods, self.element = scene, num_rods, element
         self.precision, self.plane, self.on_failure = precision, plane, on_failure
+        self.integrator = integrator
         self.expected_field = checked_expected_field(expected_field)
         resolution = checked_resolution(num_elements, time_step, axial_softening, rotary_scaling, tolerance)
         if tolerance is not None:
@@ -136,6 +145,8 @@ class Simulation:
         self._locking = locking_factor(self._values, num_elements) if locks else 1.0
         if frequency_shaping:
             self._values = shaped(self._values, element, num_elements)
+        terms = scene_terms(scene, resolution.rotary_scaling)
+        self._spin_drag_rate = terms["spin_drag_rate"]
         self._batch = RodBatch(
             self._values,
             segments,
@@ -144,7 +155,7 @@ class Simulation:
             nodal=element == "nodal",
             precision=precision,
             plane=plane,
-            **scene_terms(scene, resolution.rotary_scaling),
+            **terms,
             num_threads=num_threads,
         )
         self._state = BatchState(self._batch)
@@ -167,10 +178,17 @@ class Simulation:
         return self.stable_time_step_in(0.0)
 
     def stable_time_step_in(self, field_magnitude: float) -> float:
-        """Largest stable time step, s, of the straight rod in a field of any direction up to `field_magnitude` (T)."""
+        """Largest stable time step, s, of the straight rod in a field of any direction up to `field_magnitude` (T).
+
+        Infinite with an implicit integrator, but for "implicit4" with drag.
+        """
+        if self.integrator != "explicit":
+            return largest_step(self.integrator, self.scene.drag_rate, self._spin_drag_rate)
         return self._static.stable_time_step(field_magnitude, self.plane, self.scene.internal_damping or 0.0)
 
     def _checked_step(self, time_step: float | None) -> float:
+        if time_step is None and self.integrator != "explicit":
+            return working_step(self.integrator, float(self.natural_frequencies()[0]), self.stable_time_step)
         if time_step is None:
             return SAFETY * self._static.working_time_step(
                 self.expected_field if self.scene.magnets else 0.0, self.plane, self.scene.internal_damping or 0.0
@@ -330,7 +348,10 @@ class Simulation:
                 self._check_field_strength(fields)
                 self._field = fields[-1]
                 table = self._batch.field_table(fields)
-            self._batch.run(count, step, fields=table)
+            if self.integrator == "explicit":
+                self._batch.run(count, step, fields=table)
+            else:
+                self._batch.run_implicit(count, step, SHARES[self.integrator], table)
             self._time = start + (first + count) * step
         self._watch()
 
@@ -416,8 +437,8 @@ class Simulation:
 
     @property
     def status(self) -> np.ndarray:
-        """0 for a rod that is well; 1 not finite, 2 an element bent by pi, 3 stretched, 4 too energetic;
-        (num_rods,).
+        """0 for a rod that is well; 1 not finite, 2 an element bent by pi, 3 stretched, 4 too energetic, 5 an implicit
+        step not solved; (num_rods,).
         """
         return self._batch.status.copy()
 

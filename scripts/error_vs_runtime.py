@@ -29,7 +29,14 @@ PEERS = (mujoco_chain, pyelastica, soromox)
 LEVELS = (0.35, 0.06, 0.01)  # mm, at which run times are compared
 BATCH_COLUMNS = ("simulator", "set-up", "resolution", "rods", "error of one rod, mm", "control steps/s")
 BATCH = "helical, batch of 64, per rod"
-OURS = ("helical", "helical, conditioned", "helical, planar", "helical, float32")
+OURS = (
+    "helical",
+    "helical, conditioned",
+    "helical, planar",
+    "helical, float32",
+    "helical, implicit",
+    "helical, implicit, order 4",
+)
 
 
 PAGE = """# Error against run time
@@ -44,7 +51,8 @@ Each simulator has the best set-up that we found for it: see the notes at the he
 corrected masses) and are not what their users have by default. The step of "longest" runs is 0.9 of the stability
 bound, 0.7 or 0.5 where that diverged. The field is known beforehand to all of them, as a table. The lines: *helical*
 is the default element; *no corrections*, *flexibility only* and *masses only* leave out its two corrections;
-*conditioned* points have softened axial stiffness and scaled rotary inertia; *tolerance* lets the package choose.
+*conditioned* points have softened axial stiffness and scaled rotary inertia; *implicit* lines use the implicit
+integrators with steps that are parts of the time between two samples; *tolerance* lets the package choose.
 """
 
 

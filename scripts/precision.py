@@ -21,6 +21,8 @@ from scripts.peers import Problem
 
 REFERENCE = ROOT / "tests" / "reference" / "reference.npz"
 SAMPLES = 201
+HIDDEN = ("element", "precision", "plane", "num_rods", "integrator")  # settings that a line is named for
+PARTS = (1, 2, 5, 20)  # of the time between two samples: steps of the implicit schemes
 SHARES = (0.9, 0.7, 0.5)  # of the stable step, tried in turn
 CONDITIONINGS = ((1.0, 4.0), (1.0, 16.0), (4.0, 9.0), (16.0, 33.0), (64.0, 129.0), (256.0, 513.0), (1024.0, 2049.0))
 
@@ -73,7 +75,7 @@ class Setup:
     @property
     def resolution(self) -> str:
         """What tells it from the others of its line."""
-        shown = {k: v for k, v in self.settings.items() if k not in ("element", "precision", "plane", "num_rods")}
+        shown = {k: v for k, v in self.settings.items() if k not in HIDDEN}
         text = ", ".join(f"{name.replace('_', ' ')} {value:g}" for name, value in shown.items() if value is not True)
         return text + ("" if self.step_share is None else f", {self.step_share:g} of the bound")
 
@@ -164,6 +166,10 @@ def setups(trial: Trial, quick: bool) -> Iterator[Setup]:
             yield Setup("helical, flexibility only", {"num_elements": n}, **longest, without=("masses",))
             yield Setup("helical, masses only", {"num_elements": n}, **longest, without=("flexibility",))
         if n <= 10:
+            for name, line in (("implicit", "helical, implicit"), ("implicit4", "helical, implicit, order 4")):
+                for parts in PARTS[1:2] if quick else PARTS:
+                    step = trial.duration / (SAMPLES - 1) / parts
+                    yield Setup(line, {"num_elements": n, "integrator": name, "time_step": step})
             for axial, rotary in CONDITIONINGS[1:3] if quick else CONDITIONINGS:
                 chosen = {"num_elements": n, "axial_softening": axial, "rotary_scaling": rotary}
                 yield Setup("helical, conditioned", chosen, **longest)

@@ -12,6 +12,8 @@ OURS = {
     "helical, planar": ("#2a9d8f", "s"),
     "helical, float32": ("#6fa8dc", "v"),
     "helical, batch of 64, per rod": ("#7b2cbf", "D"),
+    "helical, implicit": ("#1b7f3b", "^"),
+    "helical, implicit, order 4": ("#0a4d1f", "P"),
     "helical, no corrections": ("#e07a5f", "x"),
     "helical, flexibility only": ("#f2a65a", "+"),
     "helical, masses only": ("#c9a227", "1"),

@@ -8,6 +8,7 @@ import numpy as np
 
 from magrod_env._jit import PRESENT, Bound
 from magrod_env.rod.energy import ELASTIC, GRAVITATIONAL, KINETIC, MAGNETIC, measure_blocks, watch_blocks
+from magrod_env.rod.implicit import run_implicit
 from magrod_env.rod.layout import (
     DAMPING,
     DRAG,
@@ -173,6 +174,11 @@ class RodBatch:
             scalar(largest_change),
             fields,
         )
+
+    def run_implicit(self, num_steps: int, time_step: float, shares, fields=None) -> None:
+        """The same with the implicit scheme made of ``shares`` of a step (see ``run_implicit`` of the kernels)."""
+        parts = np.array(shares)
+        self.share(run_implicit, self.layout, self.terms, num_steps, time_step, parts, fields, self.status)
 
     def field_table(self, fields) -> np.ndarray:
         """Fields of every step (num_steps, num_rods, 3) T in the order of the blocks; counts their travel."""
