@@ -96,9 +96,9 @@ def test_momentum_of_sections_without_loads_stays(integrator):
     rng = np.random.default_rng(1)
     simulation.set_motion(1e-3 * rng.normal(size=(1, 4, 3)), 5.0 * rng.normal(size=(1, 4, 3)))
     linear = simulation.linear_momentum()
-    spins = [np.einsum("nij,nj->ni", simulation.rotations[0], simulation._momenta()[0])]
+    spins = [np.einsum("nij,nj->ni", simulation.rotations[0], simulation._state.momenta[0])]
     simulation.advance(0.2)
-    spins.append(np.einsum("nij,nj->ni", simulation.rotations[0], simulation._momenta()[0]))
+    spins.append(np.einsum("nij,nj->ni", simulation.rotations[0], simulation._state.momenta[0]))
     np.testing.assert_allclose(simulation.linear_momentum(), linear, rtol=1e-9)
     np.testing.assert_allclose(spins[1], spins[0], atol=1e-6 * np.abs(spins[0]).max())
     still = np.eye(3)[0] == 1.0
