@@ -141,13 +141,22 @@ def test_what_was_reported_or_refused_is_reported():
 
 def test_elements_are_coarse_where_smaller_steps_change_nothing():
     found = classify(Known(asked=swing(0.3), quarter=swing(0.299), finer=swing()))
-    assert (found.ending, found.reason) == ("coarse", "elements")
+    assert (found.ending, found.reason) == ("coarse, silent", "elements")
+
+
+def test_a_coarse_run_that_the_simulation_warned_of_is_not_silent():
+    asked = swing(0.3)
+    warned = Run(asked, complete=True, warned=True)
+    assert classify(Known(asked=warned, quarter=swing(0.299), finer=swing())).ending == "coarse, warned"
+    assert (
+        classify(Known(asked=Run(swing(1.0), complete=True, warned=True), finer=swing())).ending == "wrong and silent"
+    )
 
 
 def test_a_step_is_coarse_where_its_error_is_of_second_order():
     phases = {"asked": 0.32, "half": 0.08, "quarter": 0.02, "eighth": 0.005}
     found = classify(Known(**{name: swing(phase) for name, phase in phases.items()}, finer=swing()))
-    assert (found.ending, found.reason) == ("coarse", "step")
+    assert (found.ending, found.reason) == ("coarse, silent", "step")
 
 
 def test_float32_is_coarse_where_float64_is_elsewhere():

@@ -3,8 +3,8 @@
 bound: the largest stable step, found by bisection on the kernel, against the predicted one.
 long: energy, momentum and orthogonality over a hundred million steps.
 extreme: thousands of random scenes, each of which must end as correct, coarse (its elements, step or float32 resolve
-it badly, as finer runs show), reported, or sensitive (finer runs differ among themselves); none may be wrong and
-silent.
+it badly, as finer runs show) with or without a warning, reported, or sensitive (finer runs differ among themselves);
+none may be wrong and silent.
 stiff: speed and error of thin metal rods.
 commands: environments under bang-bang commands.
 
@@ -51,9 +51,11 @@ with it, do not measure energy with it.
 
 **Extreme scenes.** Each random scene runs once as a user would run it and is then held against finer runs.
 *Correct*: within 5 % of its swing. *Coarse*: finer runs agree with one another and this one does not; the same
-elements at a quarter of the step agree, so it is resolution that lacks: nothing in a run itself warns of too few
-elements. *Reported*: a status or a refusal, with advice. *Sensitive*: finer runs, or runs with loads changed by
-1e-4, disagree among themselves. *Wrong and silent* must be zero. The truth here is this same code run finer;
+elements at a quarter of the step agree, so it is resolution that lacks. *Warned*: the simulation said so itself, by
+a `CoarseWarning`, an estimate before the run that compares the elements with the length over which the loads bend
+the rod; *silent*: it missed that. *Reported*: a status or a refusal, with advice. *Sensitive*: finer runs, or runs
+with loads changed by 1e-4, disagree among themselves. *Wrong and silent* must be zero. The truth here is this same
+code run finer;
 independent truths are in [accuracy](accuracy.md).
 """
 

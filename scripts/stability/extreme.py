@@ -14,10 +14,11 @@ from tqdm import tqdm
 
 from scripts import Check, Report, Table
 from scripts.stability.drawing import COURSES, Trial, draw, own_time
-from scripts.stability.verdict import ENDINGS, ENERGY_MADE, TOLERANCE, Runs, Verdict, judge
+from scripts.stability.verdict import COARSE, ENDINGS, ENERGY_MADE, TOLERANCE, Runs, Verdict, judge
 
 SCENES = {False: 5000, True: 100}
 BUDGET = {False: 0.2, True: 0.05}  # s, for the finer run
+COARSE_SILENT = 0.03  # of all scenes: what the estimate before a run may miss
 ELEMENTS = ((1, 1), (2, 3), (4, 6), (7, 12), (13, 24), (25, 64))
 
 
@@ -43,6 +44,7 @@ def record(trial: Trial, verdict: Verdict, runs: Runs, wall: float) -> dict[str,
         "step": "default" if trial.share is None else "given",
         "share": number(trial.share),
         "told": trial.told,
+        "warned": "asked" in runs.known and runs("asked").warned,
         "hanging": trial.hanging,
         "axial_softening": number(trial.axial_softening),
         "rotary_scaling": number(trial.rotary_scaling),
@@ -95,7 +97,7 @@ def by_elements(records: list[dict[str, Any]]) -> Table:
         "from a run with as many elements and a quarter of the step.",
     )
     for low, high in ELEMENTS:
-        some = [x for x in records if low <= x["elements"] <= high and x["ending"] in ("correct", "coarse")]
+        some = [x for x in records if low <= x["elements"] <= high and x["ending"] in ("correct", *COARSE.values())]
         some = [x for x in some if "nodal" not in x["kind"]]
         if some:
             errors = np.array([math.inf if x["error"] is None else x["error"] for x in some])
@@ -142,10 +144,11 @@ def extreme(report: Report, quick: bool, path: Path | None) -> list[dict[str, An
     kinds = sorted({line["kind"] for line in records})
     spread = np.quantile([line["periods"] for line in records if line["periods"] is not None], (0.1, 0.5, 0.9))
     risen = sum(line["ending"] == "correct" and line["energy_made"] > ENERGY_MADE for line in records)
+    warned = sum(line["ending"] == "correct" and line["warned"] for line in records)
     note = (
         f"Simulated: {spread[0]:.2g}, {spread[1]:.2g} and {spread[2]:.2g} own periods (first, middle and last tenth). "
         f"Of the correct ones, {risen} ended with a tip within {100 * TOLERANCE:g} % although the energy rose by more "
-        f"than a tenth beyond what the field put in."
+        f"than a tenth beyond what the field put in, and {warned} had a warning of too few elements."
     )
     report.show("extreme_kinds", counts(records, "Extreme scenes: endings by kernel", "kind", kinds, note))
     report.show("extreme_courses", counts(records, "Extreme scenes: endings by field", "course", list(COURSES)))
@@ -155,6 +158,9 @@ def extreme(report: Report, quick: bool, path: Path | None) -> list[dict[str, An
     report.show("extreme_silent", silent(records))
     wrong = sum(line["ending"] == "wrong and silent" for line in records)
     report.checks.append(Check("extreme", f"of {len(records)} random scenes, wrong and silent", float(wrong), 0.0, ""))
+    untold = sum(line["ending"] == COARSE[False] for line in records) / len(records)
+    what = f"of {len(records)} random scenes, share that is coarse without a warning"
+    report.checks.append(Check("extreme", what, untold, COARSE_SILENT, ""))
     done = float(len(records))
     report.checks.append(
         Check("extreme", "random scenes with an ending", done, float(SCENES[quick]), "", at_least=True)

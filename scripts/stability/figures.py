@@ -13,7 +13,7 @@ from scripts import Report
 from scripts.stability.drawing import COURSES
 from scripts.stability.verdict import ENDINGS
 
-COLOURS = dict(zip(ENDINGS, ("#2a9d8f", "#e9c46a", "#457b9d", "#9d8ec7", "#d62828")))
+COLOURS = dict(zip(ENDINGS, ("#2a9d8f", "#e9c46a", "#457b9d", "#9d8ec7", "#f4732a", "#d62828")))
 
 
 def _save(figure, folder: Path, name: str) -> None:

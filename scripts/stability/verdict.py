@@ -1,4 +1,4 @@
-"""Runs of one trial and what they say about it: correct, coarse, reported, sensitive, or wrong and silent."""
+"""Runs of one trial and what they say about it: correct, coarse (warned of or not), reported, sensitive, or wrong."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ SECOND_ORDER = 2.0  # least ratio of the errors of half and a quarter of the ste
 FAR = 20.0  # largest ratio of those of the step and its half: 4.2 in theory, 12 at the stability limit
 INTERVALS, STEPS_AN_INTERVAL = 120, 8  # of constant field: at most, and at least
 NANOSECONDS = {None: 170.0, "xz": 60.0}  # of a step and element, to plan with
-ENDINGS = ("correct", "coarse", "reported", "sensitive", "wrong and silent")
+COARSE = {True: "coarse, warned", False: "coarse, silent"}
+ENDINGS = ("correct", COARSE[True], "reported", "sensitive", COARSE[False], "wrong and silent")
 
 
 @dataclass
@@ -35,6 +36,7 @@ class Run:
         energy_made: largest rise, J, of the energy beyond what the field put in, over any stretch of the run.
         inner: largest kinetic and elastic energy, J.
         time_step: s.
+        warned: whether the simulation said that its elements may be too few.
         complete: whether it got to the end with finite numbers.
     """
 
@@ -44,7 +46,7 @@ class Run:
     energy_made: float = 0.0
     inner: float = 0.0
     time_step: float = math.nan
-
+    warned: bool = False
     complete: bool = False
 
     @property
@@ -144,6 +146,7 @@ def follow(trial: Trial, simulation: Simulation, plan: Plan, to_the_end: bool = 
             run.inner = max(run.inner, float(parts["kinetic"][0] + parts["elastic"][0]))
     except (ValueError, StabilityError) as error:
         run.refusal = "no stable equilibrium to start from" if isinstance(error, StabilityError) else refused(error)
+    run.warned = simulation.coarse
     run.tips = np.array(tips).reshape(-1, 3)
     run.complete = len(run.tips) == plan.intervals + 1 and bool(np.isfinite(run.tips).all())
     return run
@@ -222,7 +225,7 @@ def classify(runs) -> Verdict:
     quarter = runs("quarter")
     facts["step_error"] = apart(asked, quarter)
     if facts["step_error"] <= TOLERANCE:
-        return Verdict("coarse", "elements", **facts)
+        return Verdict(COARSE[asked.warned], "elements", **facts)
     if made > ENERGY_MADE:
         return Verdict("wrong and silent", "energy made", **facts)
     if not math.isfinite(facts["step_error"]):
@@ -231,10 +234,10 @@ def classify(runs) -> Verdict:
                 return Verdict("sensitive", "finer runs disagree before they stop", **facts)
         return Verdict("wrong and silent", "smaller steps do not get to the end", **facts)
     if runs.precision == "float32" and apart(runs("double"), asked) > 0.5 * facts["step_error"]:
-        return Verdict("coarse", "float32", **facts)
+        return Verdict(COARSE[asked.warned], "float32", **facts)
     far, half, near = (apart(runs(name), runs("eighth")) for name in ("asked", "half", "quarter"))
     if near <= half / SECOND_ORDER and far <= half * FAR:
-        return Verdict("coarse", "step", **facts)
+        return Verdict(COARSE[asked.warned], "step", **facts)
     for name, words in (("disturbed", "loads changed by 1e-4"), ("eighth", "finer runs disagree")):
         if apart(runs(name), quarter) > min(TOLERANCE, 0.5 * facts["step_error"]):
             return Verdict("sensitive", words, **facts)
