@@ -51,5 +51,5 @@ def test_a_magnet_is_at_a_node_and_another_place_is_refused():
     simulation = Simulation(scene, num_elements=10)
     nodes = marker_nodes(simulation.arc_lengths, marker_arc_lengths(scene, "magnets"))
     assert tuple(nodes) == simulation.magnet_nodes
-    with pytest.raises(ValueError, match="marker must be at a node of the estimator's rod, but got 0.0123 m"):
+    with pytest.raises(ValueError, match=r"marker must be at a node of the estimator's rod, but got 0\.0123 m"):
         marker_nodes(simulation.arc_lengths, (0.0123,))
