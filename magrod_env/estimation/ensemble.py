@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from magrod_env.estimation.analysis import ensemble_update, exact_draws
-from magrod_env.estimation.arrivals import check_arrival, checked_duration, checked_field
+from magrod_env.estimation.arrivals import SAME_TIME, check_arrival, checked_duration, checked_field
 from magrod_env.estimation.measurement import Measurement, marker_arc_lengths, marker_nodes
 from magrod_env.estimation.member_filter import MemberFilter
 from magrod_env.estimation.members import Members
@@ -178,7 +178,7 @@ class EnsembleFilter(MemberFilter):
         if measurement is None:
             return
         check_arrival(measurement, (self.num_rods, len(self.nodes)), self._time, self._last, self._times[0])
-        seen = measurement.seen & (measurement.time >= self._started)[:, None]
+        seen = measurement.seen & (measurement.time >= self._started - SAME_TIME)[:, None]
         predictions = self._predicted(measurement.time)
         innovation = measurement.positions - predictions.mean(axis=1)
         update = ensemble_update(
