@@ -8,31 +8,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from magrod_env._jit import jit
 from magrod_env.estimation.coordinates import nodes_of, strains_of
+from magrod_env.estimation.equilibria import find_shapes
 from magrod_env.estimation.modes import slow_modes
 from magrod_env.estimation.unknowns import Unknown, Unknowns
 from magrod_env.rod.batch import PLANE_AXES
 from magrod_env.rod.layout import AXIAL, BENDING, DRAG, ELEMENT_ROWS, GRAVITY, LENGTH, SHEAR, TORSION
-from magrod_env.rod.statics import find_equilibrium
 from magrod_env.scene import Scene
 from magrod_env.simulation import Simulation, SimulationDiverged, StabilityError
 
 QUIET = 100.0  # 1/s: spin drag where the scene has none, against ringing sections; brakes slow modes by < 0.1 /s
 HEADROOM = 3.0  # standard deviations of stiffness and moment for which the time step is chosen beforehand
-
-
-@jit
-def find_shapes(block, layout, terms, gravities, fields, positions, quaternions, shares):
-    """Equilibria of K rods of one make under gravities (K, 3) m/s^2 and fields (K, 3) T (see `find_equilibrium`)."""
-    lanes, gradient = len(terms.lanes), np.zeros(9)
-    for k in range(len(fields)):
-        for axis in range(3):
-            for lane in range(lanes):
-                block[(GRAVITY + axis) * lanes + lane] = gravities[k, axis]
-        _, shares[k] = find_equilibrium(
-            block, layout, terms, None, None, fields[k], gradient, positions[k], quaternions[k]
-        )
 
 
 class Rest(NamedTuple):
