@@ -59,7 +59,7 @@ class BatchState:
     @property
     def angular_velocities(self) -> np.ndarray:
         """rad/s, body frame, (num_rods, num_nodes, 3)."""
-        return self.momenta * (2.0 * self._compliance)
+        return self.momenta * (2.0 * self.compliance)
 
     @property
     def masses(self) -> np.ndarray:
@@ -69,7 +69,7 @@ class BatchState:
         return masses
 
     @property
-    def _compliance(self) -> np.ndarray:
+    def compliance(self) -> np.ndarray:
         """1/(2 J) about each body axis, (num_rods, num_nodes, 3)."""
         if self.plane is None:
             return self.batch.nodes(self.rows.compliance, 2)[..., [0, 1, 1]]
@@ -77,7 +77,7 @@ class BatchState:
 
     def momenta_of(self, angular_velocities: np.ndarray) -> np.ndarray:
         """Angular momenta, kg m^2/s, of angular velocities, rad/s, both in the body frame, (num_rods, num_nodes, 3)."""
-        return angular_velocities / (2.0 * np.where(self._compliance > 0.0, self._compliance, 1.0))
+        return angular_velocities / (2.0 * np.where(self.compliance > 0.0, self.compliance, 1.0))
 
     def _in_space(self, row: int) -> np.ndarray:
         flat = self.batch.nodes(row, len(self.batch.axes))
