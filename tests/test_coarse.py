@@ -1,0 +1,92 @@
+"""Warnings of too few elements, and what a rising field costs."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from magrod_env import CoarseWarning, Simulation, load_scene
+from magrod_env.magnetics import FieldCourse
+
+CIRCLE = load_scene("paper5_circle").replace(gravity=None)
+SUDDEN = (0.0, 0.0, 10e-3)
+
+
+def swing(num_elements, expect_warning):
+    """Tip over 0.4 s in a sudden field, m, (40, 3)."""
+    simulation = Simulation(CIRCLE, num_elements=num_elements)
+    tips = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for _ in range(40):
+            simulation.advance(0.01, SUDDEN)
+            tips.append(simulation.tip_position[0])
+    assert [warning.category for warning in caught] == [CoarseWarning] * expect_warning
+    assert simulation.coarse == expect_warning
+    return np.array(tips)
+
+
+def test_the_warning_comes_once_and_where_the_tip_is_off_by_more_than_a_twentieth_of_its_swing():
+    truth = swing(16, False)
+    size = np.linalg.norm(truth - truth[0], axis=1).max()
+    errors = {n: np.sqrt(np.mean(np.sum((swing(n, n < 3) - truth) ** 2, axis=1))) / size for n in (1, 8)}
+    assert errors[1] > 0.05 > errors[8]
+
+
+def test_the_warning_says_how_many_elements_are_enough():
+    simulation = Simulation(CIRCLE, num_elements=2, expected_field=40e-3)
+    with pytest.warns(
+        CoarseWarning, match=r"2 elements may be too few for weight and a field of 0\.04 T: use (\d+)"
+    ) as caught:
+        simulation.advance(1e-3, field=(0.0, 0.0, 40e-3))
+    enough = int(str(caught[0].message).split("use ")[1].split()[0])
+    better = Simulation(CIRCLE, num_elements=enough, expected_field=40e-3)
+    better.advance(1e-3, field=(0.0, 0.0, 40e-3))
+    assert not better.coarse
+
+
+def test_a_stronger_field_makes_a_rod_coarse_until_the_reset():
+    simulation = Simulation(CIRCLE, num_elements=4, on_failure="report")
+    simulation.advance(1e-3, field=(0.0, 0.0, 1e-3))
+    assert not simulation.coarse
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # who asks for reports reads them
+        simulation.advance(1e-3, field=(0.0, 0.0, 45e-3))
+    assert simulation.coarse
+    simulation.reset()
+    assert not simulation.coarse
+
+
+def test_the_papers_element_is_told_to_lock_by_the_factor_of_the_closed_form():
+    simulation = Simulation(load_scene("paper4_pdms_tip_magnet"), num_elements=10, element="nodal")
+    rod = simulation.scene.rod
+    shear = rod.youngs_modulus / 3.0 * np.pi * rod.width**2 / 4.0
+    bending = rod.youngs_modulus * np.pi * rod.width**4 / 64.0
+    factor = 1.0 + shear * (rod.length / 10) ** 2 / (4.0 * bending)  # 4.06 at the settings of Table 6
+    with pytest.warns(CoarseWarning, match=f"lock: the rod bends as if EI were {factor:.3g} times"):
+        simulation.advance(1e-3)
+    shaped = Simulation(simulation.scene, num_elements=10, element="nodal", frequency_shaping=True)
+    shaped.advance(1e-3)
+    assert not shaped.coarse
+
+
+@pytest.mark.parametrize("share", [None, 0.9])
+def test_a_rising_field_costs_few_bounds(share, monkeypatch):
+    course = FieldCourse(times=[0.0, 0.2], fields=[[0.0, 0.0, 0.0], [0.0, 0.0, 14e-3]])
+    simulation = Simulation(CIRCLE, num_elements=6)
+    if share is not None:
+        simulation.time_step = share * simulation.stable_time_step_in(14e-3)
+    asked = []
+    bound = simulation.stable_time_step_in
+    monkeypatch.setattr(simulation, "stable_time_step_in", lambda field: asked.append(field) or bound(field))
+    for _ in range(40):
+        simulation.advance(5e-3, course)
+    assert 0 < len(asked) <= 24
+
+
+def test_a_longer_step_is_checked_again():
+    simulation = Simulation(CIRCLE, num_elements=6)
+    simulation.advance(1e-3, field=SUDDEN)
+    simulation.time_step = 1.5 * simulation.stable_time_step
+    with pytest.raises(ValueError, match="time_step must be at most"):
+        simulation.advance(1e-3, field=SUDDEN)
