@@ -206,7 +206,7 @@ class Simulation:
         """Whether the elements may be too few for the strongest field since the reset: after sudden loads the tip may
         be off by more than a twentieth of its swing (an estimate: `resolution.elements_for`), or the element locks.
         """
-        return self._locking > LARGEST_LOCKING or self._elements_needed > self.num_elements
+        return bool(self._locking > LARGEST_LOCKING) or self._elements_needed > self.num_elements
 
     @property
     def _elements_needed(self) -> int:

@@ -22,7 +22,7 @@ def swing(num_elements, expect_warning):
             simulation.advance(0.01, SUDDEN)
             tips.append(simulation.tip_position[0])
     assert [warning.category for warning in caught] == [CoarseWarning] * expect_warning
-    assert simulation.coarse == expect_warning
+    assert simulation.coarse is expect_warning
     return np.array(tips)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from magrod_env.magnetics import _checks
 from magrod_env.scene import Scene
 
-SAME_TIME = 1e-9  # s
+SAME_TIME = 1e-9  # s: times this close are one
 SAME_PLACE = 1e-6  # of the rod's length: two arc lengths this close are one node
 
 
@@ -124,34 +124,3 @@ def marker_nodes(arc_lengths: np.ndarray, places: tuple[float, ...]) -> np.ndarr
                 f"{arc_lengths[node]:.6g} m: move it there, or choose num_elements so that a node sits at it."
             )
     return nodes
-
-
-def check_frame(measurement: Measurement, shape: tuple[int, int, int], now: float, oldest: float) -> None:
-    """Refuse what is no frame for an estimator.
-
-    Args:
-        measurement: the frame.
-        shape: (num_rods, num_markers, 3) of the estimator.
-        now: its time, s.
-        oldest: earliest exposure that it can take in, s.
-
-    Raises:
-        ValueError: on another type or shape, or an exposure outside of these times.
-    """
-    if not isinstance(measurement, Measurement):
-        raise ValueError(f"measurement must be a Measurement or None, but got {measurement!r}: make one.")
-    if measurement.positions.shape != shape:
-        raise ValueError(
-            f"positions of the measurement must have shape {shape}, one row a marker of this estimator, but got "
-            f"{measurement.positions.shape}: give NaN for markers that were not seen."
-        )
-    if measurement.time > now + SAME_TIME:
-        raise ValueError(
-            f"time of the measurement must be at most {now:.6g} s, the estimator's own, but got "
-            f"{measurement.time:.6g} s: predict up to the exposure first."
-        )
-    if measurement.time < oldest - SAME_TIME:
-        raise ValueError(
-            f"time of the measurement must be at least {oldest:.6g} s, the last exposure taken in or the start of the "
-            f"history kept, but got {measurement.time:.6g} s: give frames in the order of their exposures."
-        )

@@ -7,10 +7,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+from magrod_env.estimation.arrivals import check_arrival
 from magrod_env.estimation.damping_choice import LEAST_NOISE, DampingChoice
 from magrod_env.estimation.history import Piece, replay, set_state_rows, split, state_rows
 from magrod_env.estimation.innovation_spread import InnovationSpread
-from magrod_env.estimation.measurement import SAME_TIME, Measurement, check_frame, marker_arc_lengths, marker_nodes
+from magrod_env.estimation.measurement import SAME_TIME, Measurement, marker_arc_lengths, marker_nodes
 from magrod_env.magnetics import _checks
 from magrod_env.rod.batch import PLANE_AXES
 from magrod_env.rod.energy import ENERGETIC
@@ -213,9 +214,8 @@ class PredictionFilter:
         self._forget_scores()
         if measurement is None:
             return
-        shape = (self.num_rods, len(self.places), 3)
         oldest = self._pieces[0].start if self._pieces else self._time
-        check_frame(measurement, shape, self._time, oldest)
+        check_arrival(measurement, (self.num_rods, len(self.places)), self._time, oldest, oldest)
         exposure = min(measurement.time, self._time)
         present = state_rows(self._model)
         before, after = split(self._pieces, exposure)

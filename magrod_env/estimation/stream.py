@@ -8,11 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from magrod_env.estimation.cameras import Cameras, checked_positions
-from magrod_env.estimation.measurement import Measurement
+from magrod_env.estimation.measurement import SAME_TIME, Measurement
 from magrod_env.magnetics import _checks
 from magrod_env.simulation import Field, Simulation
-
-SAME_TIME = 1e-9  # s: times this close are one
 
 
 class CameraStream:

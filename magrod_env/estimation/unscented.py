@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from magrod_env.estimation.arrivals import SAME_TIME, check_arrival, checked_duration, checked_field
-from magrod_env.estimation.measurement import Measurement, marker_arc_lengths, marker_nodes
+from magrod_env.estimation.arrivals import check_arrival, checked_duration, checked_field
+from magrod_env.estimation.measurement import SAME_TIME, Measurement, marker_arc_lengths, marker_nodes
 from magrod_env.estimation.member_filter import MemberFilter
 from magrod_env.estimation.members import Members, Rest
 from magrod_env.estimation.modes import slow_modes
