@@ -30,6 +30,7 @@ DURATION, CONTROL_TIME = 2.0, 0.01  # s: of a pilot, between its field's values
 RISES = (0.4, 0.4, 0.4, 0.4, 0.15, 0.15, 0.1, 0.1)  # s: of each load
 HELD = (1, 1, 1, 2, 2, 2, 2, 1)  # CONTROL_TIMEs for which each load's field is held: its steps ring higher modes
 NUM_LOADS = 8
+AGAINST, BELOW_BUCKLING = 0.5, 0.6  # largest field against the dipoles, of the magnitude and of EI/(m L)
 PLUCK = 0.1  # of the length: the largest swing of the tip in the pilots of a rod that no field moves
 WITHIN = 0.65  # of the tolerance: what the run that judges a choice may find; the rest is for loads that no pilot has
 UNSEEN = 0.3  # of an error, at most, that a run with FINER elements and LESS conditioning has as well
@@ -95,14 +96,17 @@ def checked_resolution(
     )
 
 
-def pilot_fields(magnitude: float, axes: tuple[int, ...]) -> np.ndarray:
+def pilot_fields(magnitude: float, axes: tuple[int, ...], load: float) -> np.ndarray:
     """Fields of the pilots, T, (num_times, NUM_LOADS, 3): none, ramps, and fields that turn or swing.
 
-    ``axes`` are the world axes of the motion, the first along the rod.
+    ``axes`` are the world axes of the motion, the first along the rod. A field against the dipoles makes the rod
+    limp, and errors large: one load has a share of it, well below that at which a rod under ``load`` (moments of the
+    magnets across the strongest field over EI/L) buckles.
     """
     count = round(DURATION / CONTROL_TIME)
     along, across = np.eye(3)[axes[0]], np.eye(3)[axes[1]]
     aside = np.eye(3)[axes[2]] if len(axes) > 2 else -across
+    against = min(AGAINST, BELOW_BUCKLING / load) if load > 0.0 else AGAINST
     fields = np.zeros((count, NUM_LOADS, 3))
     for load in range(1, NUM_LOADS):
         time = CONTROL_TIME * HELD[load] * (np.arange(count) // HELD[load] + 0.5)
@@ -113,7 +117,7 @@ def pilot_fields(magnitude: float, axes: tuple[int, ...]) -> np.ndarray:
             * (
                 np.outer(rise, across),
                 np.outer(rise, -0.7 * aside),
-                np.outer(rise, 0.5 * along + 0.5 * aside),
+                np.outer(rise * np.cos(1.3 * angle), 0.6 * across - against * along),
                 np.outer(rise * np.cos(0.5 * angle), across) + np.outer(rise * np.sin(0.5 * angle), aside),
                 0.7 * np.outer(rise * np.cos(angle), across) + 0.7 * np.outer(rise * np.sin(angle), aside),
                 0.6 * np.outer(rise * np.sin(1.5 * angle), across) + 0.3 * np.outer(rise, along),
@@ -130,6 +134,7 @@ def choose_resolution(
     least_elements: int,
     magnitude: float,
     axes: tuple[int, ...],
+    load: float,
     hanging: bool = False,
 ) -> Resolution:
     """The cheapest resolution whose tip error in every pilot is estimated to be within ``tolerance`` (m, RMS).
@@ -140,12 +145,13 @@ def choose_resolution(
         least_elements: as many as there are segments between magnets.
         magnitude: of the pilots' field, T; where it is zero, pilots swing freely instead.
         axes: world axes of the motion.
+        load: moments of the magnets across that field over EI/L.
         hanging: pilots start in equilibrium under gravity; else straight, so that gravity acts suddenly.
 
     Raises:
         ValueError: if no resolution of the ladder is good enough.
     """
-    search = _Search(simulate, magnitude, axes, tolerance, hanging)
+    search = _Search(simulate, pilot_fields(magnitude, axes, load), axes, tolerance, hanging)
     rungs = [rung for rung in LADDER if rung >= max(LADDER[0], least_elements)]
     coarse = next((rung for rung in rungs if rung >= max(5, 2 * least_elements)), rungs[-1])
     tried, errors = search.conditioning(coarse)
@@ -186,13 +192,13 @@ class _Search:
     def __init__(
         self,
         simulate: Callable[..., Any],
-        magnitude: float,
+        fields: np.ndarray,
         axes: tuple[int, ...],
         tolerance: float,
         hanging: bool,
     ) -> None:
         self.simulate, self.axes, self.tolerance, self.hanging = simulate, axes, tolerance, hanging
-        self.fields = pilot_fields(magnitude, axes)
+        self.fields = fields
         self.swing: float | None = None  # largest speed of the tip in a plucked pilot, lengths a second
         self.known: dict[tuple[int, Conditioning, float], tuple[np.ndarray, float]] = {}
 

@@ -589,6 +589,7 @@ def resolution_for(
         least_elements=len(scene.segment_ends),
         magnitude=expected_field if scene.magnets else 0.0,
         axes=PLANE_AXES[plane],
+        load=relative_load(scene, expected_field) - relative_load(scene, 0.0),
         hanging=hanging,
     )
 
