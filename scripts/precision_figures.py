@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 OURS = {
     "helical": ("#0b4f8a", "o"),
+    "helical, conditioned": ("#4a90c2", "."),
     "helical, planar": ("#2a9d8f", "s"),
     "helical, float32": ("#6fa8dc", "v"),
     "helical, batch of 64, per rod": ("#7b2cbf", "D"),
@@ -23,6 +25,17 @@ OURS = {
 }
 PEERS = {"MuJoCo": "#4d4d4d", "PyElastica": "#7a7a7a", "SoRoMoX": "#a0a0a0", "spectral": "#386641"}
 MARKS = "PdhpX8<>"
+SCATTERED = ("helical, conditioned", "helical, implicit", "helical, implicit, order 4")  # two settings: a cloud
+
+
+def front(outcomes: Iterable[Any]) -> list[Any]:
+    """Those that no other beats in both error and time, the quickest first."""
+    best, kept = math.inf, []
+    for outcome in sorted((o for o in outcomes if o.error is not None), key=lambda o: (o.wall, o.error)):
+        if outcome.error < best:
+            best = outcome.error
+            kept.append(outcome)
+    return kept
 
 
 def draw(path: Path, title: str, outcomes: Iterable[Any]) -> None:
@@ -35,18 +48,16 @@ def draw(path: Path, title: str, outcomes: Iterable[Any]) -> None:
     lines = defaultdict(list)
     for outcome in outcomes:
         if outcome.error is not None and outcome.line != "helical, default step":
-            lines[outcome.who, outcome.line].append((1e3 * outcome.wall, outcome.error))
+            lines[outcome.who, outcome.line].append(outcome)
     figure, axes = pyplot.subplots(figsize=(9.5, 5.6), layout="constrained")
     for number, ((who, line), points) in enumerate(sorted(lines.items())):
-        xs, ys = zip(*sorted(points))
-        if line == "helical, conditioned":
-            axes.plot(xs, ys, ".", color="#0b4f8a", alpha=0.35, label=line)
-        elif who == "magrod":
-            color, mark = OURS[line]
-            axes.plot(xs, ys, "-" + mark, color=color, lw=1.4, ms=5, label=line)
-        else:
-            mark = MARKS[number % len(MARKS)]
-            axes.plot(xs, ys, "--" + mark, color=PEERS[who], lw=0.9, ms=4, label=f"{who}: {line}")
+        color, mark = OURS[line] if who == "magrod" else (PEERS[who], MARKS[number % len(MARKS)])
+        if line in SCATTERED:
+            axes.plot(*_coordinates(points), ".", color=color, alpha=0.25)
+            points = front(points)
+        style = {"ls": "-", "lw": 1.4, "ms": 5} if who == "magrod" else {"ls": "--", "lw": 0.9, "ms": 4}
+        label = line if who == "magrod" else f"{who}: {line}"
+        axes.plot(*_coordinates(points), marker=mark, color=color, label=label, **style)
     axes.set(xscale="log", yscale="log", xlabel="wall time, ms a simulated second, one core", title=title)
     axes.set_ylabel("RMS error of the tip, mm")
     axes.grid(which="both", alpha=0.2)
@@ -54,3 +65,9 @@ def draw(path: Path, title: str, outcomes: Iterable[Any]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=130)
     pyplot.close(figure)
+
+
+def _coordinates(outcomes: Iterable[Any]) -> tuple[list[float], list[float]]:
+    """Wall times, ms, in order, and errors, mm."""
+    points = sorted((1e3 * outcome.wall, outcome.error) for outcome in outcomes)
+    return [wall for wall, _ in points], [error for _, error in points]
