@@ -49,6 +49,8 @@ class EnsembleFilter(MemberFilter):
         num_modes: slow modes whose rates an update may change; None takes two bending modes along each axis.
         history: for how long frames may be late, s.
         seed: of all random draws.
+        on_failure: "raise" SimulationDiverged where a member leaves the stable range, or only "report" its rod in
+            `status`: its estimate means nothing until it is reset, the others go on.
 
     Raises:
         ValueError: on bad input.
@@ -69,6 +71,7 @@ class EnsembleFilter(MemberFilter):
         num_modes: int | None = None,
         history: float = 0.5,
         seed: int = 0,
+        on_failure: str = "raise",
         time_step: float | None = None,
         axial_softening: float | None = None,
         rotary_scaling: float | None = None,
@@ -87,6 +90,8 @@ class EnsembleFilter(MemberFilter):
         self.largest_growth = _checks.number(
             "largest_growth", largest_growth, at_least=1.0, advice="1 leaves it out, 3 follows sudden changes"
         )
+        if on_failure not in ("raise", "report"):
+            raise ValueError(f'on_failure must be "raise" or "report", but got {on_failure!r}: choose one.')
         places = marker_arc_lengths(scene, markers)
         settings: dict[str, Any] = {
             "num_elements": num_elements,
@@ -99,7 +104,7 @@ class EnsembleFilter(MemberFilter):
             "num_threads": num_threads,
         }
         unknowns = DEFAULTS if parameters is None else parameters
-        self.members = Members(scene, unknowns, self.num_rods, self.num_members, self.num_modes, settings)
+        self.members = Members(scene, unknowns, self.num_rods, self.num_members, self.num_modes, settings, on_failure)
         self.nodes = marker_nodes(self.members.simulation.arc_lengths, places)
         self._mean_weights = np.full(self.num_members, 1.0 / self.num_members)
         self._spread_weights = np.full(self.num_members, 1.0 / (self.num_members - 1))
@@ -150,7 +155,7 @@ class EnsembleFilter(MemberFilter):
 
         Raises:
             ValueError: on a wrong shape, NaN or a field that is too strong for the time step.
-            SimulationDiverged: if a member leaves the stable range.
+            SimulationDiverged: if a member leaves the stable range and `on_failure` is "raise".
         """
         fields, duration = checked_field(field, self.num_rods), checked_duration(duration)
         if duration == 0.0:
@@ -178,8 +183,9 @@ class EnsembleFilter(MemberFilter):
         if measurement is None:
             return
         check_arrival(measurement, (self.num_rods, len(self.nodes)), self._time, self._last, self._times[0])
-        seen = measurement.seen & (measurement.time >= self._started - SAME_TIME)[:, None]
-        predictions = self._predicted(measurement.time)
+        failed = self.members.failed
+        seen = measurement.seen & (~failed & (measurement.time >= self._started - SAME_TIME))[:, None]
+        predictions = np.where(failed[:, None, None, None], 0.0, self._predicted(measurement.time))
         innovation = measurement.positions - predictions.mean(axis=1)
         update = ensemble_update(
             predictions, innovation, measurement.covariance, seen, self.relaxation, self.largest_growth
@@ -193,6 +199,11 @@ class EnsembleFilter(MemberFilter):
         self._tracks[-1] = self._track()
         self._last = measurement.time
         self._note(innovation, seen, update.statistic)
+
+    @property
+    def status(self) -> np.ndarray:
+        """0 for a rod whose members are well, 1 where one has failed since its reset, (num_rods,)."""
+        return self.members.failed.astype(np.int64)
 
     # ---- what members did at the markers
 
