@@ -31,7 +31,7 @@ class EstimateState(gymnasium.Wrapper, RecordConstructorArgs):
         estimator: what builds one, called with the scene and num_rods, num_elements, axial_softening, rotary_scaling,
             markers, plane and expected_field: a class of `magrod_env.estimation` or a `functools.partial` of it. None
             for an `EnsembleFilter`.
-        members: of that filter; None for 16.
+        members: of that filter; None for 32.
         markers: what cameras see: "tip", "magnets" or arc lengths, m; each at a node.
         cameras: with `measure`, such as `StereoCameras()`; None for `GaussianCameras` with the noise of the
             environment's camera, 0.05 mm where it has none. Rate and delay are those of the environment's camera.

@@ -11,15 +11,19 @@ from gymnasium.error import ResetNeeded
 
 from magrod_env.envs.nominal_coils import NominalCoils
 from magrod_env.envs.observing import observe_estimate
-from magrod_env.estimation import EnsembleFilter, GaussianCameras, Measurement
+from magrod_env.estimation import EnsembleFilter, GaussianCameras, Measurement, Unknown
 from magrod_env.estimation.measurement import marker_arc_lengths, marker_nodes
 from magrod_env.magnetics import _checks
 from magrod_env.rod.mesh import arc_lengths
 from magrod_env.rod.state import BatchState
 from magrod_env.simulation import SimulationDiverged, StabilityError
 
-MEMBERS = 16
-CONTRACT = ("reset", "predict", "update", "time", "positions", "velocities")
+MEMBERS = 32
+UNKNOWNS = {  # loads of 2 m/s^2 rather than the filter's 0.5: fields may jump at every control step
+    "modulus": Unknown(deviation=0.2, memory=50.0),
+    "acceleration": Unknown(deviation=2.0, memory=2.0),
+}
+CONTRACT = ("reset", "predict", "update", "time", "positions")
 
 
 class Estimation:
@@ -45,7 +49,7 @@ class Estimation:
         if core.full is not None:
             raise ValueError(
                 'observe of an environment whose state is estimated must be "camera" or "estimate", but got "state": '
-                "estimators tell positions and velocities only."
+                "estimators tell no rotations."
             )
         self.core, self.timed = core, bool(timed)
         self.cameras = GaussianCameras(noise=core.camera.noise or 5e-5) if cameras is None else cameras
@@ -62,6 +66,7 @@ class Estimation:
         shape = (core.optics.delay + 1, core.num_envs, len(self.nodes), 3)
         self._frames, self._covariances = np.full(shape, np.nan), np.zeros((*shape, 3))
         self._newest = 0  # place of the newest frame in that ring
+        self._before = np.zeros((core.num_envs, len(self._tracked), 3))  # m, tracked points a control step ago
         self._seen = core.episodes._replace(seen=np.zeros_like(core.episodes.seen))
         self._errors, self._lost = np.zeros(core.num_envs), np.zeros(core.num_envs, bool)
         self._running = np.zeros(core.num_envs, bool)
@@ -82,10 +87,11 @@ class Estimation:
         }
         if estimator is None:
             late = core.optics.delay * core.control_time
-            count = MEMBERS if members is None else _checks.count("members", members, advice="16 is a good start")
+            count = MEMBERS if members is None else _checks.count("members", members, advice="32 is a good start")
             return EnsembleFilter(
                 core.scene,
                 num_members=int(count),
+                parameters=UNKNOWNS,
                 history=late + core.control_time if late > 0.0 else 0.0,
                 on_failure="report",
                 precision=core.precision,
@@ -105,12 +111,11 @@ class Estimation:
                 "see the estimators of magrod_env.estimation."
             )
         shape = (core.num_envs, core.num_elements + 1, 3)
-        for name in ("positions", "velocities"):
-            if np.shape(getattr(built, name)) != shape:
-                raise ValueError(
-                    f"{name} of the estimator must have shape {shape}, the environment's rods and nodes, but got "
-                    f"{np.shape(getattr(built, name))}: build it with the num_rods and num_elements that it is given."
-                )
+        if np.shape(built.positions) != shape:
+            raise ValueError(
+                f"positions of the estimator must have shape {shape}, the environment's rods and nodes, but got "
+                f"{np.shape(built.positions)}: build it with the num_rods and num_elements that it is given."
+            )
         return built
 
     # ---- running
@@ -128,7 +133,7 @@ class Estimation:
             self._begin(self._coils.field, chosen)
             self._look(which)
             self._take_in(which)
-            self._tell(which, out)
+            self._tell(which, chosen, out)
         self._lost[which] = False
         self.seconds = time.perf_counter() - start + (0.0 if chosen.all() else self.seconds)
 
@@ -143,7 +148,7 @@ class Estimation:
             self._lost = self._predict()
             self._look(self._every)
             self._take_in(self._every)
-            self._tell(self._every, out)
+            self._tell(self._every, self._lost, out)
         self.seconds = time.perf_counter() - start
 
     def info(self) -> dict[str, np.ndarray]:
@@ -206,17 +211,13 @@ class Estimation:
         exposed = self.estimator.time - core.optics.delay * core.control_time
         self.estimator.update(Measurement(positions=seen, covariance=self._covariances[arriving], time=exposed))
 
-    def _tell(self, which: np.ndarray, out: Any) -> None:
-        """Write observations and errors of the environments ``which``."""
-        core, nodes, rates = self.core, self.estimator.positions, self.estimator.velocities
-        observe_estimate(
-            core.batch.rows,
-            core.view,
-            core.batch.terms.planar,
-            self._seen,
-            nodes[:, self._tracked],
-            rates[:, self._tracked],
-            which,
-            out,
-        )
+    def _tell(self, which: np.ndarray, begun: np.ndarray, out: Any) -> None:
+        """Write observations and errors of the environments ``which``; where an estimate has just ``begun``,
+        (num_envs,) bool, it has not moved yet.
+        """
+        core, nodes = self.core, self.estimator.positions
+        now, planar = nodes[:, self._tracked], core.batch.terms.planar
+        self._before[begun] = now[begun]
+        observe_estimate(core.batch.rows, core.view, planar, self._seen, now, self._before, which, out)
+        self._before[which] = now[which]
         self._errors[which] = np.linalg.norm((nodes - self._truth.positions)[which, -1], axis=-1)

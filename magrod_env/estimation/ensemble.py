@@ -19,6 +19,7 @@ from magrod_env.magnetics import _checks
 from magrod_env.scene import Scene
 from magrod_env.simulation import EXPECTED_FIELD
 
+STRAYED = 8.0  # deviations: a parameter that is so far off is an error, and might ask for tiny steps
 RECORD_EVERY = 0.01  # s: how densely the members' markers are remembered for late frames
 
 
@@ -50,7 +51,8 @@ class EnsembleFilter(MemberFilter):
         history: for how long frames may be late, s.
         seed: of all random draws.
         on_failure: "raise" SimulationDiverged where a member leaves the stable range, or only "report" its rod in
-            `status`: its estimate means nothing until it is reset, the others go on.
+            `status`: its estimate means nothing until it is reset, the others go on. Parameters beyond 8 deviations of
+            their prior begin anew then, too.
 
     Raises:
         ValueError: on bad input.
@@ -134,7 +136,7 @@ class EnsembleFilter(MemberFilter):
         draws = exact_draws(self._generator, self.num_members, len(unknowns) + len(bends))
         if not chosen.any():
             return
-        values = draws[:, : len(unknowns)] * unknowns.deviations
+        values = self._prior = draws[:, : len(unknowns)] * unknowns.deviations
         parameters = members.parameters.copy()
         parameters[chosen] = values
         strains = members.at_rest(None if fields is None else fields[chosen], parameters[chosen])
@@ -193,16 +195,23 @@ class EnsembleFilter(MemberFilter):
         members = self.members
         state, rest = members.split()
         members.join(update.apply(state), rest)
-        members.parameters = update.apply(members.parameters)
+        members.parameters = self._believed(update.apply(members.parameters))
         for k in range(len(self._tracks)):
             self._tracks[k] = update.apply(self._tracks[k])
         self._tracks[-1] = self._track()
         self._last = measurement.time
         self._note(innovation, seen, update.statistic)
 
+    def _believed(self, parameters: np.ndarray) -> np.ndarray:
+        """Where failures are reported, parameters that no prior explains begin anew, and the motion goes on."""
+        if self.members.on_failure == "report":
+            strayed = (np.abs(parameters) > STRAYED * self.members.unknowns.deviations).any(axis=(1, 2))
+            parameters[strayed] = self._prior
+        return parameters
+
     @property
     def status(self) -> np.ndarray:
-        """0 for a rod whose members are well, 1 where one has failed since its reset, (num_rods,)."""
+        """0 for a rod that is well, 1 where a member has left the stable range since its reset, (num_rods,)."""
         return self.members.failed.astype(np.int64)
 
     # ---- what members did at the markers
