@@ -2,6 +2,8 @@
 
 import copy
 import pickle
+import subprocess
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -186,6 +188,22 @@ def test_late_frames_are_taken_for_what_they_are():
         behind.append(np.linalg.norm(length * observations[:, :3] - info["tip_position"], axis=1))
     assert np.mean(errors[50:]) < 0.25 * np.mean(behind[50:])
     assert np.mean(behind[50:]) > 1e-3
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"precision": "float32"},
+        {"camera": NOISY, "actuator": SLOW_COILS, "axes": "xyz"},
+    ],
+    ids=["float32", "all coils, slow"],
+)
+def test_other_settings_are_estimated_too(settings):
+    envs = MagRodVectorEnv(num_envs=2, num_elements=3, observe="estimate", **settings)
+    envs.reset(seed=0)
+    hold = 0.3 * np.ones(envs.action_space.shape, np.float32)
+    errors = [envs.step(hold)[4]["estimate_error"] for _ in range(40)]
+    assert np.mean(errors[20:]) < 0.3e-3
 
 
 # ---- what the estimator is told
@@ -490,6 +508,11 @@ def test_environments_that_cannot_be_estimated_are_refused():
             EstimateState(env)
     with pytest.raises(ValueError, match=r'observe .* must be "camera" or "estimate", but got "state"'):
         EstimateState(MagRodEnv(num_elements=3, observe="state"))
+
+
+def test_who_estimates_nothing_loads_no_estimator():
+    code = "import sys, magrod_env.envs; sys.exit('magrod_env.estimation' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], timeout=120).returncode == 0
 
 
 def test_wrapped_in_the_middle_of_an_episode_it_asks_for_a_reset():
