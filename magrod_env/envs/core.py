@@ -26,7 +26,7 @@ from magrod_env.simulation import SAFETY, Simulation
 from magrod_env.values import check_plane, rod_values, scene_terms
 
 REWARD_TERMS = ("tracking", "precision", "effort", "smoothness")
-OBSERVE = ("camera", "state")
+OBSERVE = ("camera", "state", "estimate")
 PREVIEW = (0.04, 0.1, 0.2)  # s ahead
 
 
@@ -95,6 +95,11 @@ class SteeringCore:
         self._set_up_coils()
         self._set_up_arrays()
         self._set_up_starts()
+        self.estimation: Any = None
+        if observe == "estimate":
+            from magrod_env.envs.estimation_core import Estimation  # only who estimates loads the filters
+
+            self.estimation = Estimation(self)
 
     # ---- set-up
 
@@ -274,6 +279,8 @@ class SteeringCore:
         self._add_travel(batch.rows, batch.travel, self.plane_axes, self._field_before)
         batch.travel[which] = 0.0
         self._observe_some(batch.rows, self.view, batch.terms.planar, self.full, self.episodes, which, out)
+        if self.estimation is not None:
+            self.estimation.reset(which, out)
 
     def _vary(self, which: np.ndarray) -> None:
         self._make_rods(
@@ -308,6 +315,8 @@ class SteeringCore:
         self._count_travel()
         batch.watch()
         batch.share(observe_blocks, batch.terms, self.view, self.full, self.episodes, clipped, batch.status, out)
+        if self.estimation is not None:
+            self.estimation.step(out)
 
     def _send(self, commands: np.ndarray) -> None:
         self._write_commands(
@@ -347,4 +356,4 @@ class SteeringCore:
             info["middle_error"] = out.errors[:, 1].copy()
         for k, name in enumerate(REWARD_TERMS):
             info[f"reward_{name}"] = out.terms[:, k].copy()
-        return info
+        return info if self.estimation is None else info | self.estimation.info()

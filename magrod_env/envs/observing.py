@@ -270,6 +270,25 @@ def observe_some(rows, view, planar, full, episodes, which, out):
             episodes.action[i, a] = coil_fraction(out.fields[i], episodes, view.scales, i, a)
 
 
+@jit
+def observe_estimate(rows, view, planar, episodes, positions, before, which, out):
+    """Write the observations of the environments ``which`` again, from an estimate in place of the camera's frames.
+
+    ``positions`` (num_envs, num_tracked, 3) m now and ``before``, one control step ago; ``episodes.seen`` is the
+    caller's own.
+    """
+    ahead = np.empty((len(view.nodes), 3))
+    steps = view.optics.frame_time / view.control_time
+    for i in which:
+        for p in range(len(view.nodes)):
+            for k in range(3):
+                episodes.seen[i, 0, p, k] = positions[i, p, k]
+                episodes.seen[i, 1, p, k] = positions[i, p, k] - steps * (positions[i, p, k] - before[i, p, k])
+        write_observation(
+            rows, view, planar, None, episodes, i, out.observations[i], out.goals[i], out.fields[i], ahead
+        )
+
+
 @inline_jit
 def write_outcome(rows, view, planar, full, episodes, i, out, ahead, first):
     """Everything but the reward of environment ``i``."""

@@ -80,7 +80,7 @@ num_elements is given |
     | actuator | Actuator() | limit (45 mT; two magnets: 25 mT), slew limit, lag, dead time of the coils |
     | control_rate | 50 | Hz |
     | camera | Camera() | noise, rate, delay |
-    | observe | "camera" | or "state" |
+    | observe | "camera" | or "state"; or "estimate": in the camera's place, see `EstimateState` |
     | randomization | None | a `Randomization` |
     | success_distance | 1e-3 | m, for `info["is_success"]` |
     | num_threads | one a core | threads that share a batch |

@@ -19,6 +19,7 @@ from magrod_env.magnetics import _checks
 from magrod_env.scene import Scene
 from magrod_env.simulation import EXPECTED_FIELD
 
+STRAYED = 8.0  # deviations: a parameter that is so far off is an error, and might ask for tiny steps
 RECORD_EVERY = 0.01  # s: how densely the members' markers are remembered for late frames
 
 
@@ -49,6 +50,9 @@ class EnsembleFilter(MemberFilter):
         num_modes: slow modes whose rates an update may change; None takes two bending modes along each axis.
         history: for how long frames may be late, s.
         seed: of all random draws.
+        on_failure: "raise" SimulationDiverged where a member leaves the stable range, or only "report" its rod in
+            `status`: its estimate means nothing until it is reset, the others go on. Parameters beyond 8 deviations of
+            their prior begin anew then, too.
 
     Raises:
         ValueError: on bad input.
@@ -69,6 +73,7 @@ class EnsembleFilter(MemberFilter):
         num_modes: int | None = None,
         history: float = 0.5,
         seed: int = 0,
+        on_failure: str = "raise",
         time_step: float | None = None,
         axial_softening: float | None = None,
         rotary_scaling: float | None = None,
@@ -87,6 +92,8 @@ class EnsembleFilter(MemberFilter):
         self.largest_growth = _checks.number(
             "largest_growth", largest_growth, at_least=1.0, advice="1 leaves it out, 3 follows sudden changes"
         )
+        if on_failure not in ("raise", "report"):
+            raise ValueError(f'on_failure must be "raise" or "report", but got {on_failure!r}: choose one.')
         places = marker_arc_lengths(scene, markers)
         settings: dict[str, Any] = {
             "num_elements": num_elements,
@@ -99,7 +106,7 @@ class EnsembleFilter(MemberFilter):
             "num_threads": num_threads,
         }
         unknowns = DEFAULTS if parameters is None else parameters
-        self.members = Members(scene, unknowns, self.num_rods, self.num_members, self.num_modes, settings)
+        self.members = Members(scene, unknowns, self.num_rods, self.num_members, self.num_modes, settings, on_failure)
         self.nodes = marker_nodes(self.members.simulation.arc_lengths, places)
         self._mean_weights = np.full(self.num_members, 1.0 / self.num_members)
         self._spread_weights = np.full(self.num_members, 1.0 / (self.num_members - 1))
@@ -129,7 +136,7 @@ class EnsembleFilter(MemberFilter):
         draws = exact_draws(self._generator, self.num_members, len(unknowns) + len(bends))
         if not chosen.any():
             return
-        values = draws[:, : len(unknowns)] * unknowns.deviations
+        values = self._prior = draws[:, : len(unknowns)] * unknowns.deviations
         parameters = members.parameters.copy()
         parameters[chosen] = values
         strains = members.at_rest(None if fields is None else fields[chosen], parameters[chosen])
@@ -150,7 +157,7 @@ class EnsembleFilter(MemberFilter):
 
         Raises:
             ValueError: on a wrong shape, NaN or a field that is too strong for the time step.
-            SimulationDiverged: if a member leaves the stable range.
+            SimulationDiverged: if a member leaves the stable range and `on_failure` is "raise".
         """
         fields, duration = checked_field(field, self.num_rods), checked_duration(duration)
         if duration == 0.0:
@@ -178,8 +185,9 @@ class EnsembleFilter(MemberFilter):
         if measurement is None:
             return
         check_arrival(measurement, (self.num_rods, len(self.nodes)), self._time, self._last, self._times[0])
-        seen = measurement.seen & (measurement.time >= self._started - SAME_TIME)[:, None]
-        predictions = self._predicted(measurement.time)
+        failed = self.members.failed
+        seen = measurement.seen & (~failed & (measurement.time >= self._started - SAME_TIME))[:, None]
+        predictions = np.where(failed[:, None, None, None], 0.0, self._predicted(measurement.time))
         innovation = measurement.positions - predictions.mean(axis=1)
         update = ensemble_update(
             predictions, innovation, measurement.covariance, seen, self.relaxation, self.largest_growth
@@ -187,12 +195,24 @@ class EnsembleFilter(MemberFilter):
         members = self.members
         state, rest = members.split()
         members.join(update.apply(state), rest)
-        members.parameters = update.apply(members.parameters)
+        members.parameters = self._believed(update.apply(members.parameters))
         for k in range(len(self._tracks)):
             self._tracks[k] = update.apply(self._tracks[k])
         self._tracks[-1] = self._track()
         self._last = measurement.time
         self._note(innovation, seen, update.statistic)
+
+    def _believed(self, parameters: np.ndarray) -> np.ndarray:
+        """Where failures are reported, parameters that no prior explains begin anew, and the motion goes on."""
+        if self.members.on_failure == "report":
+            strayed = (np.abs(parameters) > STRAYED * self.members.unknowns.deviations).any(axis=(1, 2))
+            parameters[strayed] = self._prior
+        return parameters
+
+    @property
+    def status(self) -> np.ndarray:
+        """0 for a rod that is well, 1 where a member has left the stable range since its reset, (num_rods,)."""
+        return self.members.failed.astype(np.int64)
 
     # ---- what members did at the markers
 

@@ -40,6 +40,7 @@ class Members:
         num_rods, num_members: size of the batch.
         num_modes: slow modes, as in `modes.slow_modes`.
         settings: of the `Simulation`; `time_step` is that of the nominal rod, stiffer members shorten it.
+        on_failure: "raise" where a member fails, or only note its rod in `failed`.
     """
 
     def __init__(
@@ -50,7 +51,10 @@ class Members:
         num_members: int,
         num_modes: int,
         settings: dict[str, Any],
+        on_failure: str = "raise",
     ) -> None:
+        self.on_failure = on_failure
+        self.failed = np.zeros(num_rods, bool)
         loaded = scene if scene.gravity is not None else scene.replace(gravity=(0.0, 0.0, 0.0))
         if scene.spin_drag_rate is None:
             loaded = loaded.replace(spin_drag_rate=QUIET)
@@ -131,12 +135,13 @@ class Members:
         """Step all members over `duration` (s) under the rods' fields (num_rods, 3) T, turned for each member.
 
         Raises:
-            SimulationDiverged: if a member fails.
+            SimulationDiverged: if a member fails and `on_failure` is "raise".
         """
         self.simulation._batch.mark()
         self.simulation.advance(duration, self.fields(field))
         failed = np.flatnonzero(self.simulation.status)
-        if len(failed):
+        self.failed[failed // self.shape[1]] = True
+        if len(failed) and self.on_failure == "raise":
             rod, member = divmod(int(failed[0]), self.shape[1])
             raise SimulationDiverged(
                 f"member {member} of rod {rod} left the stable range: lower time_step, or the deviations of the "
@@ -190,8 +195,19 @@ class Members:
         every, simulation = self.strains()[..., :6], self.simulation
         motion = np.concatenate([simulation.velocities[:, 1:], simulation.angular_velocities[:, 1:]], axis=-1)
         lanes = np.repeat(chosen, self.shape[1])
+        self._forget(lanes)
+        self.failed[chosen] = False
         every[lanes], motion[lanes] = strains.reshape(-1, self.num_elements, 6), 0.0
         self._write(every, motion)
+
+    def _forget(self, lanes: np.ndarray) -> None:
+        """Clear what the integrator remembers of the last step of some lanes, (num_rods * num_members,) bool."""
+        batch = self.simulation._batch
+        blocks, _, width = batch.rows.shape
+        which = np.zeros(blocks * width, bool)
+        which[: len(lanes)] = lanes
+        history = batch.rows[:, batch.layout.history :]
+        history[...] = np.where(which.reshape(blocks, 1, width), 0.0, history)
 
     def _write(self, strains: np.ndarray, motion: np.ndarray) -> None:
         batch, simulation = self.simulation._batch, self.simulation

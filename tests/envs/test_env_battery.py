@@ -35,6 +35,11 @@ def test_gymnasiums_check_env(name):
 
 
 @every_id
+def test_gymnasiums_check_env_with_an_estimate(name):
+    check_env(gymnasium.make(name, observe="estimate").unwrapped)
+
+
+@every_id
 def test_wrapped_environment_steps_without_a_warning(name):
     """gym.make adds the passive checker, order enforcement and the time limit of the id."""
     env = gymnasium.make(name)

@@ -32,7 +32,7 @@ def check_sentence(error, *words):
         ({"task": "reach", "radius": 0.01}, ["radius", "spelling"]),
         ({"scene": "paper9"}, ["name", "paper9", "paper5_circle"]),
         ({"scene": 5}, ["scene", "Scene", "5"]),
-        ({"observe": "radar"}, ["observe", "radar", "state"]),
+        ({"observe": "radar"}, ["observe", "radar", "state", "estimate"]),
         ({"observe": None}, ["observe", "None"]),
         ({"precision": "float16"}, ["precision", "float16", "float32"]),
         ({"precision": np.float32}, ["precision", "float32"]),
