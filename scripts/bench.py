@@ -33,6 +33,17 @@ from scripts import ROOT, Check, Report, Table, least_time
 from scripts.bench_scaling import features, scaling
 from scripts.bench_targets import targets
 
+PAGE = """# Speed
+
+What a step costs: of the environments, with the tip error of the very configuration that is timed; of the kernels;
+of every feature of a scene; with the number of rods and of elements; and what a batch takes in memory. How fast at
+which error, beside other simulators: [error against run time](precision.md).
+
+Every time is the least of several runs after a warm-up. What bounds the batch is arithmetic: the state of a block of
+rods stays in the first-level cache, and the time of a step grows with elements and rods alone (the tables of growth).
+One env is bound by its substeps on one core, which use no lanes of the vector unit.
+"""
+
 CIRCLE, PLANAR = "MagRod/Circle-v0", "MagRod/PlanarReach-v0"
 
 FIRST_STEP = f"""
@@ -84,6 +95,8 @@ class Args:
     """a small part of it, in seconds; leaves out the cold compilation"""
     json: Path | None = None
     """where to write the numbers as JSON"""
+    page: Path | None = None
+    """where to write the page of documentation"""
 
 
 def fresh_process(code: str, **environment: str) -> tuple[float, list[float]]:
@@ -299,7 +312,10 @@ def measure(args: Args) -> Report:
 def main() -> None:
     """Measure and report."""
     args = tyro.cli(Args, description=__doc__)
-    measure(args).finish(args.json)
+    report = measure(args)
+    if args.page is not None:
+        report.write_page(args.page, PAGE, {})
+    report.finish(args.json)
 
 
 if __name__ == "__main__":
