@@ -1,0 +1,2 @@
+PAGE = """# State estimation
+"""
