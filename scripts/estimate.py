@@ -2,8 +2,8 @@
 
 Truths have three times the elements, damping that no model knows, and a modulus up to 20 % off; cameras add 0.05 mm.
 Errors stand beside the paper's Table 8, without estimator, with the paper's filter and with the ensemble filter; then
-error against run time, and what lost and late frames, a wrong start and a sudden load do. `--keep FILE` keeps every run,
-and makes only what is not there yet.
+error against run time, and what lost and late frames, a wrong start and a sudden load do. `--keep FILE` keeps every
+run, and makes only what is not there yet.
 """
 
 from __future__ import annotations

@@ -45,7 +45,9 @@ def _smooth(run: Figures, windows: int = 50) -> tuple[np.ndarray, np.ndarray]:
     times, tip = np.array(run["times"]), np.array([np.nan if v is None else v for v in run["tip"]], float)
     size = max(1, len(tip) // windows)
     count = len(tip) // size
-    return times[: count * size].reshape(count, size).mean(axis=1), tip[: count * size].reshape(count, size).mean(axis=1)
+    return times[: count * size].reshape(count, size).mean(axis=1), tip[: count * size].reshape(count, size).mean(
+        axis=1
+    )
 
 
 def errors(found: Found, truth: str, folder: Path) -> Path:

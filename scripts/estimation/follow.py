@@ -16,8 +16,8 @@ from magrod_env.estimation import (
     GaussianCameras,
     Measurement,
     PredictionFilter,
-    UnscentedFilter,
     Unknown,
+    UnscentedFilter,
 )
 from magrod_env.estimation.coordinates import strains_of
 from magrod_env.estimation.measurement import marker_nodes

@@ -7,7 +7,7 @@ from typing import Any
 from magrod_env.scenes import ReportedError
 from scripts import Check, Report, Table
 from scripts.estimation.studies import POLYMER, WAYS, Figures
-from scripts.estimation.twins import CASES, Case, Truth
+from scripts.estimation.twins import CASES, Case, Truth, model_start
 
 AXES = ("x", "y", "z", "distance")
 POINTS = ("tip", "middle")
@@ -128,13 +128,16 @@ def metal(report: Report, found: list[tuple[Case, int, str, Figures]]) -> None:
     """Aluminium rods against the frame rate."""
     table = Table(
         "Aluminium rods against the frame rate: tip error across, z, mean at frames / mean / largest, mm",
-        ("experiment", "frames a second", "frames a period", *(WAYS[way] for way in dict.fromkeys(f[2] for f in found))),
+        ("experiment", "frames a second", "frames a period", *dict.fromkeys(WAYS[way] for _, _, way, _ in found)),
         note="Modulus of the truth 20 % below the model's. The paper states no rate.",
     )
     for case, rate in dict.fromkeys((case, rate) for case, rate, _, _ in found):
-        period = 1.0 / {1: 36.9, 2: 18.5}[case.number]
-        cells = [shown(*(run[kind][0][2] for kind in ("frames", "mean", "largest"))) for c, r, _, run in found
-                 if (c, r) == (case, rate)]
+        period = 1.0 / float(model_start(case).natural_frequencies()[0])
+        cells = [
+            shown(*(run[kind][0][2] for kind in ("frames", "mean", "largest")))
+            for c, r, _, run in found
+            if (c, r) == (case, rate)
+        ]
         table.rows.append((case.number, rate, f"{rate * period:.1f}", *cells))
     report.show("metal", table)
 
@@ -180,8 +183,8 @@ def work(report: Report, found: list[tuple[Case, str, str, Any, Figures]]) -> No
     table = Table(
         "Error against run time: one rod, one core, modulus 20 % off",
         ("experiment", "filter", "varied", "", "mean distance of the tip, mm", "largest", "simulated over wall time"),
-        note="Else 64 members, 6 elements and 100 frames a second. Errors over 4 noises, between frames too; time of one "
-        "filter that predicts once a frame.",
+        note="Else 64 members, 6 elements and 100 frames a second. Errors over 4 noises, between frames too; time of "
+        "one filter that predicts once a frame.",
     )
     for case, way, what, value, run in found:
         name = {"unscented": "unscented filter"}.get(way) or WAYS[way]

@@ -1,7 +1,8 @@
 """Twins: rods that stand for the real ones, finer and damped in ways that no estimator's model knows.
 
-Helical truths have three times the elements, Kelvin-Voigt damping and quadratic air drag; nodal ones, the paper's element
-with frequency shaping, the air drag alone, since that element has no internal damping.
+Helical truths have three times the elements, Kelvin-Voigt damping and quadratic air drag, and another integrator than
+the models; nodal ones, the paper's element with frequency shaping, have the air drag alone, since that element has no
+internal damping.
 """
 
 from __future__ import annotations
@@ -94,12 +95,8 @@ class Case:
 
 
 CASES = (
-    Case(
-        1, (0.5, 0.06), 500, internal_damping=1e-5, conditioning=(64.0, 127.0), nodal_scaling=100.0
-    ),
-    Case(
-        2, (0.5, 0.06), 500, internal_damping=1e-5, conditioning=(256.0, 511.0), nodal_scaling=400.0
-    ),
+    Case(1, (0.5, 0.06), 500, internal_damping=1e-5, conditioning=(64.0, 127.0), nodal_scaling=100.0),
+    Case(2, (0.5, 0.06), 500, internal_damping=1e-5, conditioning=(256.0, 511.0), nodal_scaling=400.0),
     Case(3, (1.5, 0.3), 100),
     Case(4, (2.0, 0.3), 100),
     Case(5, (4.0, 0.3), 100),
