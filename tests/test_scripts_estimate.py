@@ -127,7 +127,9 @@ def test_quick_run_prints_every_table_and_is_resumed(tmp_path):
         means = dict(zip(columns, row))
         assert means["paper's filter"] < means["model alone"] or "nodal" in row[1]
         assert means["ensemble filter"] < means["last two frames extended"]
-    assert {each.name for each in tmp_path.glob("*.png")} == {f"estimate_{k}.png" for k in ("errors", "work", "trouble")}
+    assert {each.name for each in tmp_path.glob("*.png")} == {
+        f"estimate_{k}.png" for k in ("errors", "work", "trouble")
+    }
     lines = keep.read_text()
     subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
     assert keep.read_text() == lines

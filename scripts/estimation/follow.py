@@ -35,9 +35,10 @@ UNKNOWNS: dict[str, Any] = {
 class ModelAlone:
     """No estimator: the model runs from its own start and no frame changes it."""
 
-    def __init__(self, case: Case, num_rods: int) -> None:
+    def __init__(self, case: Case, known_start: bool) -> None:
         self._simulation = Simulation(case.scene, on_failure="report", **case.settings)
-        self._simulation.restore(model_start(case).snapshot())
+        if known_start:
+            self._simulation.restore(model_start(case).snapshot())
         self.arc_lengths = self._simulation.arc_lengths
 
     def predict(self, field: np.ndarray, duration: float) -> None:
@@ -105,7 +106,7 @@ def build(case: Case, way: str, num_rods: int, options: Mapping[str, Any], known
         known_start: or straight and at rest.
     """
     if way == "model":
-        return ModelAlone(case, num_rods)
+        return ModelAlone(case, known_start)
     if way in ("held", "extended"):
         return FramesAlone(case, num_rods, way == "extended")
     settings = {"num_rods": num_rods, "markers": case.markers, **case.settings, **options}

@@ -183,7 +183,7 @@ def work(report: Report, found: list[tuple[Case, str, str, Any, Figures]]) -> No
     table = Table(
         "Error against run time: one rod, one core, modulus 20 % off",
         ("experiment", "filter", "varied", "", "mean distance of the tip, mm", "largest", "simulated over wall time"),
-        note="Else 64 members, 6 elements and 100 frames a second. Errors over 4 noises, between frames too; time of "
+        note="Else 64 members, 6 elements and 100 frames a second. Errors over 2 noises, between frames too; time of "
         "one filter that predicts once a frame.",
     )
     for case, way, what, value, run in found:
