@@ -108,6 +108,16 @@ def test_checks_compare_with_table_8_and_can_fail(mean, paper, ensemble):
     assert sorted({check.bound for check in report.checks}) == pytest.approx([0.025, 0.05])
 
 
+def test_a_figure_is_over_the_truths_of_an_element_or_of_one():
+    found = found_with(0.0)
+    for factor, mean in ((0.8, 1.0), (1.0, 2.0), (1.2, 6.0)):
+        found[3, Truth(factor).name, "paper"] = {"mean": [[mean] * 4] * 2, "largest": [[mean] * 4] * 2}
+    assert tables.over(found, 3, "paper", "mean", "tip", "z") == pytest.approx(3.0)
+    assert tables.over(found, 3, "paper", "largest", "tip", "z") == 6.0
+    assert tables.over(found, 3, "paper", "mean", "tip", "z", tables.TUNED) == 2.0
+    assert tables.over(found, 3, "paper", "mean", "tip", "z", "nodal") == 0.0
+
+
 def test_a_run_that_diverged_meets_no_check():
     report = Report("scripts.estimate", True)
     tables.table_8(report, found_with(None))
@@ -127,9 +137,8 @@ def test_quick_run_prints_every_table_and_is_resumed(tmp_path):
         means = dict(zip(columns, row))
         assert means["paper's filter"] < means["model alone"] or "nodal" in row[1]
         assert means["ensemble filter"] < means["last two frames extended"]
-    assert {each.name for each in tmp_path.glob("*.png")} == {
-        f"estimate_{k}.png" for k in ("errors", "work", "trouble")
-    }
+    drawn = {each.name for each in tmp_path.glob("*.png")}
+    assert drawn == {"estimate_errors.png", "estimate_trouble.png", "estimate_work.png"}
     lines = keep.read_text()
     subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
     assert keep.read_text() == lines

@@ -44,38 +44,41 @@ the tip.
 
 ## What comes out
 
-**The ensemble filter** is below half of Table 8's mean in every experiment, axis and marker at the moments of frames, by
-factors of 1.1 to 11. Between frames too it is, but for one: experiment 3 across, 0.027 mm where half of Table 8 is
-0.025 mm. A single frame is off by 0.040 mm an axis, so that this means averaging about three frames while the modulus is
-still being found: with the right modulus, or after the first swings, it is below, and so it is with more frames. It
-finds the modulus to 0.6 % but in experiment 6, where it is slow motion (2 %) and the nodal truth bends otherwise (5 %).
-Its errors are lowest where a frame says least: velocities are 3 to 6 times better than differences of two frames in
-experiment 4 and more elsewhere, and the unseen middle of the rod is known better than the tip. Table 8's largest errors
-are exceeded in experiments 1, 2 and 4: in the first instants, before the modulus is known.
+**The ensemble filter** is below half of Table 8's mean in every experiment, axis and marker at the moments of frames.
+Between frames too it is, but for one: experiment 3 across, 0.027 mm where half of Table 8 is 0.025 mm. A single frame
+is off by 0.040 mm an axis, and in that experiment the modulus must be found within the first of nine swings: over the
+second half of the run the same error is 0.021 to 0.024 mm. It finds the modulus to about 1 %, but in experiment 6,
+whose slow motion tells it to 2 %, and 5 % where the truth bends otherwise. It adds most where a frame says least:
+velocities are 6 to 40 times better than differences of two frames, and the unseen middle of the rod is known better
+than the tip. Table 8's largest errors are exceeded in experiments 1, 2 and 4, in the first instants, before the
+modulus is known. Its worst truth is the nodal one of experiment 4, at large bends: 0.11 mm.
 
-**The paper's filter** is at or below its printed mean in experiments 4, 5 and 6 if the modulus is right, whatever the
-damping, and within 20 % of it in 1, 2 and 3 (acceptance table at the command). With the modulus 20 % off it is above in
-all, by up to fifteen times; it is then worse than extending two frames. Why:
+**The paper's filter** with the right modulus, whatever the damping, is at or below its printed mean at frames in
+experiments 1, 4, 5 and 6; in 2 and 3 it is 18 % and 7 % above in the axis across (0.059 and 0.054 mm for 0.05),
+between frames 21 % and 42 %. With the modulus 20 % off it is above in all, by factors up to more than ten, and then
+worse than two frames extended. Why:
 
 - *It needs a tuned modulus.* K acts on velocity. A wrong modulus is a force that depends on place, and in slow motion
-  (experiments 5 and 6) no damping can make up for it; see
-  [what it cannot do](prediction_filter.md#12-what-it-cannot-do). The paper tunes the modulus by the swing's frequency.
-- *As printed, it needs many exact frames.* The table of its laws: at 400 exact frames a second and the right modulus,
-  0.024 and 0.037 mm, below Table 8's 0.05 and 0.13 mm, and in experiment 4 even with a modulus 20 % off. With noise of
-  0.05 mm at the same rate 0.22 and 0.13 mm, with the modulus off 1 mm and more. At 100 frames a second the
-  extrapolation alone costs 0.4 to 0.7 mm. So the printed figures are what the law gives against frames that are taken
-  for the truth, at a high rate, with a tuned modulus; not what it gives with noise of a camera.
-- *More frames do not help it.* Each interval's K is found anew, from one frame; noise over a shorter interval is more
-  velocity. At a fixed `damping_spread`, too, K is too weak for shorter intervals (modulus 20 % off, experiment 1:
-  0.50 mm at 250, 0.65 at 500, 3.9 at 1,000 frames a second); raise it with the rate.
+  (experiments 5 and 6) no damping makes up for it: see [what it cannot
+  do](prediction_filter.md#12-what-it-cannot-do). The paper tunes its modulus by the frequency of the swing.
+- *As printed, it needs many exact frames.* See the table of its laws: with 400 exact frames a second and the right
+  modulus the printed law is off by 0.024 and 0.037 mm (experiments 3 and 4), below Table 8's 0.05 and 0.13 mm; in
+  experiment 4 even with a modulus 20 % off. With noise of 0.05 mm at the same rate it is off by 0.22 and 0.13 mm, and
+  by more than 1 mm if the modulus is, too. At 100 frames a second the extrapolation costs 0.4 to 0.7 mm, without any
+  noise. The printed figures are what the law can give with a tuned modulus against many frames that are next to
+  exact, and not what it gives with this noise.
+- *Comparing with frames does not hide it*: estimate minus frame and estimate minus truth have nearly the same mean.
+- *More frames do not help it.* Each K is found anew, from one interval, and the noise of a shorter one is more
+  velocity. At a fixed `damping_spread` K is also too weak in short intervals (experiment 1, modulus 20 % off: 0.50 mm
+  at 250, 0.65 at 500, 3.9 at 1,000 frames a second); raise it with the rate.
 
-**Trouble.** The ensemble filter hardly notices a third of the frames lost, and frames that are 100 ms late once it knows
-the rod (0.03 mm over the second half); a start that is 38 mm off is made up for within the first tenths of a second. A
-sudden load is its worst case with these settings: on the circle its tip between frames is then no better than two frames
-extended (0.145 and 0.124 mm). Where loads are expected, give it a larger `"acceleration"`, as
-[its page](ensemble_filter.md) shows. The paper's filter survives late and lost frames, but not every wrong start; as
-printed it diverges when frames are lost.
+**Trouble.** The ensemble filter hardly notices that a third of the frames are lost, nor frames that are 100 ms late
+once it knows the rod (0.03 mm over the second half of the run); a start that is 38 mm off is made up for. A sudden
+load is its worst case with these settings: on the circle its tip between frames is then no better than two frames
+extended. Where loads are expected give it a larger `"acceleration"`, as [its page](ensemble_filter.md) shows. The
+paper's filter lives with late and lost frames, but not with every wrong start; as printed it diverges when frames are
+lost.
 
-**Too few members, elements or frames** show in the table and figure of error against run time: 16 members and 4 elements
-give nearly the errors of 64 and 6 at a fraction of the time.
+**Speed.** On one core, all filters run faster than real time on the PDMS rods, the ensemble with 64 members among
+them; not the ensemble on aluminium at 500 frames a second, where steps are short.
 """

@@ -44,11 +44,11 @@ Found = dict[tuple[int, str, str], Figures]
 
 
 def over(found: Found, number: int, way: str, kind: str, point: str, axis: str, truths: str = "helical") -> Any:
-    """A figure over the truths whose names begin so: the mean of means, the largest of the largest; None if unknown."""
+    """A figure over the truths of an element, or of one by its name: mean of means, largest of all; None if unknown."""
     those = [
         run[kind][POINTS.index(point)][AXES.index(axis)]
         for (n, truth, w), run in found.items()
-        if n == number and w == way and truth.startswith(truths)
+        if n == number and w == way and (truth == truths or truth.startswith(f"{truths},"))
     ]
     told = [value for value in those if value is not None]
     if len(told) < len(those) or not told:
