@@ -21,6 +21,15 @@ COLOURS = {
     "ensemble": "#0072b2",
     "unscented": "#009e73",
 }
+VARIED: dict[str, tuple[str, str, tuple[int, int]]] = {
+    "members": ("o", "-", (0, 9)),
+    "elements": ("s", "--", (0, -10)),
+    "frames a second": ("^", ":", (11, 0)),
+    "float32, members": ("D", "-", (0, 9)),
+    "sigma points": ("*", "-", (0, 9)),
+}
+"""Mark, dashes, and place of the numbers of what is varied."""
+USUAL = (64, 6, 100)  # not written: they are on all lines
 SHOWN = ("model", "extended", "paper", "ensemble")
 
 
@@ -78,16 +87,20 @@ def work(found: list[tuple[Any, str, str, Any, Figures]], folder: Path) -> Path:
     pyplot = _pyplot()
     cases = list(dict.fromkeys(case for case, *_ in found))
     figure, axes = pyplot.subplots(1, len(cases), figsize=(5.2 * len(cases), 4.4), squeeze=False)
-    marks = {"members": "o", "elements": "s", "frames a second": "^", "float32, members": "D", "sigma points": "*"}
     for axis, case in zip(axes[0], cases):
         for way, what in dict.fromkeys((way, what) for c, way, what, *_ in found if c == case):
             those = [(v, run) for c, w, k, v, run in found if (c, w, k) == (case, way, what)]
             speeds, tips = [run["speed"] for _, run in those], [run["mean"][0][3] for _, run in those]
             name = {"unscented": "unscented filter"}.get(way) or WAYS[way]
             label = f"{name}: {what}"
-            axis.loglog(speeds, tips, marker=marks[what], color=COLOURS[way], label=label, linewidth=1, markersize=5)
+            mark, dashes, offset = VARIED[what]
+            style = dict(marker=mark, linestyle=dashes, color=COLOURS[way], linewidth=1, markersize=5)
+            axis.loglog(speeds, tips, label=label, markerfacecolor="none" if dashes == "--" else None, **style)
             for (value, _), x, y in zip(those, speeds, tips):
-                axis.annotate(str(value), (x, y), (3, 4), textcoords="offset points", fontsize=7)
+                if value not in USUAL:
+                    axis.annotate(
+                        str(value), (x, y), offset, textcoords="offset points", fontsize=7, ha="center", va="center"
+                    )
         axis.axvline(1.0, color="black", linewidth=0.8, linestyle=":")
         axis.set(xlabel="simulated over wall time, one core", ylabel="mean tip error, mm")
         axis.set_title(f"experiment {case.number}: {EXPERIMENTS[case.number - 1].title}", fontsize=9)
