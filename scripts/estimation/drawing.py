@@ -86,7 +86,7 @@ def work(found: list[tuple[Any, str, str, Any, Figures]], folder: Path) -> Path:
     """Error against speed, one panel an experiment, a line for each quantity that is varied."""
     pyplot = _pyplot()
     cases = list(dict.fromkeys(case for case, *_ in found))
-    figure, axes = pyplot.subplots(1, len(cases), figsize=(5.2 * len(cases), 4.4), squeeze=False)
+    figure, axes = pyplot.subplots(1, len(cases), figsize=(5.6 * len(cases), 5.8), squeeze=False)
     for axis, case in zip(axes[0], cases):
         for way, what in dict.fromkeys((way, what) for c, way, what, *_ in found if c == case):
             those = [(v, run) for c, w, k, v, run in found if (c, w, k) == (case, way, what)]
@@ -106,7 +106,7 @@ def work(found: list[tuple[Any, str, str, Any, Figures]], folder: Path) -> Path:
         axis.set_title(f"experiment {case.number}: {EXPERIMENTS[case.number - 1].title}", fontsize=9)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncol=2, frameon=False, fontsize=8)
-    figure.tight_layout(rect=(0, 0.18, 1, 1))
+    figure.tight_layout(rect=(0, 0.14, 1, 1))
     return _save(figure, folder / "estimate_work.png")
 
 
