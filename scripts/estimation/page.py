@@ -47,20 +47,20 @@ the tip.
 **The ensemble filter** is below half of Table 8's mean in every experiment, axis and marker at the moments of frames.
 Between frames too it is, but for one: experiment 3 across, 0.027 mm where half of Table 8 is 0.025 mm. A single frame
 is off by 0.040 mm an axis, and in that experiment the modulus must be found within the first of nine swings: over the
-second half of the run the same error is 0.021 to 0.024 mm. It finds the modulus to about 1 %, but in experiment 6,
+second half of the run the same error is 0.021 to 0.024 mm (helical truths). It finds the modulus to about 1 %, but in experiment 6,
 whose slow motion tells it to 2 %, and 5 % where the truth bends otherwise. It adds most where a frame says least:
 velocities are 6 to 40 times better than differences of two frames, and the unseen middle of the rod is known better
 than the tip. Table 8's largest errors are exceeded in experiments 1, 2 and 4, in the first instants, before the
 modulus is known. Its worst truth is the nodal one of experiment 4, at large bends: 0.11 mm.
 
 **The paper's filter** with the right modulus, whatever the damping, is at or below its printed mean at frames in
-experiments 1, 4, 5 and 6; in 2 and 3 it is 18 % and 7 % above in the axis across (0.059 and 0.054 mm for 0.05),
-between frames 21 % and 42 %. With the modulus 20 % off it is above in all, by factors up to more than ten, and then
-worse than two frames extended. Why:
+experiments 1, 4, 5 and 6; in 2 and 3 it is 18 % and 7 % above along z (0.059 and 0.054 mm for 0.05),
+between frames 21 % and 42 %. With the modulus 20 % off it is above in nearly all, by factors up to more than ten,
+and then worse than two frames extended. Why:
 
 - *It needs a tuned modulus.* K acts on velocity. A wrong modulus is a force that depends on place, and in slow motion
-  (experiments 5 and 6) no damping makes up for it: see [what it cannot
-  do](prediction_filter.md#12-what-it-cannot-do). The paper tunes its modulus by the frequency of the swing.
+  (experiments 5 and 6) no damping makes up for it: see
+  [what it cannot do](prediction_filter.md#12-what-it-cannot-do). The paper tunes its modulus by the frequency of the swing.
 - *As printed, it needs many exact frames.* See the table of its laws: with 400 exact frames a second and the right
   modulus the printed law is off by 0.024 and 0.037 mm (experiments 3 and 4), below Table 8's 0.05 and 0.13 mm; in
   experiment 4 even with a modulus 20 % off. With noise of 0.05 mm at the same rate it is off by 0.22 and 0.13 mm, and
