@@ -47,8 +47,8 @@ the tip.
 **The ensemble filter** is below half of Table 8's mean in every experiment, axis and marker at the moments of frames.
 Between frames too it is, but for one: experiment 3 across, 0.027 mm where half of Table 8 is 0.025 mm. A single frame
 is off by 0.040 mm an axis, and in that experiment the modulus must be found within the first of nine swings: over the
-second half of the run the same error is 0.021 to 0.024 mm (helical truths). It finds the modulus to about 1 %, but in experiment 6,
-whose slow motion tells it to 2 %, and 5 % where the truth bends otherwise. It adds most where a frame says least:
+second half of the run the same error is 0.021 to 0.024 mm (helical truths). It finds the modulus to about
+1 %, but in experiment 6, whose slow motion tells it to 2 %, and 5 % where the truth bends otherwise. It adds most where a frame says least:
 velocities are 6 to 40 times better than differences of two frames, and the unseen middle of the rod is known better
 than the tip. Table 8's largest errors are exceeded in experiments 1, 2 and 4, in the first instants, before the
 modulus is known. Its worst truth is the nodal one of experiment 4, at large bends: 0.11 mm.
@@ -60,7 +60,8 @@ and then worse than two frames extended. Why:
 
 - *It needs a tuned modulus.* K acts on velocity. A wrong modulus is a force that depends on place, and in slow motion
   (experiments 5 and 6) no damping makes up for it: see
-  [what it cannot do](prediction_filter.md#12-what-it-cannot-do). The paper tunes its modulus by the frequency of the swing.
+  [what it cannot do](prediction_filter.md#12-what-it-cannot-do). The paper tunes its modulus by the swing's
+  frequency.
 - *As printed, it needs many exact frames.* See the table of its laws: with 400 exact frames a second and the right
   modulus the printed law is off by 0.024 and 0.037 mm (experiments 3 and 4), below Table 8's 0.05 and 0.13 mm; in
   experiment 4 even with a modulus 20 % off. With noise of 0.05 mm at the same rate it is off by 0.22 and 0.13 mm, and
