@@ -48,8 +48,9 @@ the tip.
 Between frames too it is, but for one: experiment 3 across, 0.027 mm where half of Table 8 is 0.025 mm. A single frame
 is off by 0.040 mm an axis, and in that experiment the modulus must be found within the first of nine swings: over the
 second half of the run the same error is 0.021 to 0.024 mm (helical truths). It finds the modulus to about
-1 %, but in experiment 6, whose slow motion tells it to 2 %, and 5 % where the truth bends otherwise. It adds most where a frame says least:
-velocities are 6 to 40 times better than differences of two frames, and the unseen middle of the rod is known better
+1 %, but in experiment 6, whose slow motion tells it to 2 %, and 5 % where the truth bends otherwise. It adds most
+where a frame says least: velocities are 6 to 40 times better than differences of two frames,
+and the unseen middle of the rod is known better
 than the tip. Table 8's largest errors are exceeded in experiments 1, 2 and 4, in the first instants, before the
 modulus is known. Its worst truth is the nodal one of experiment 4, at large bends: 0.11 mm.
 
