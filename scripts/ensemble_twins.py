@@ -20,9 +20,9 @@ from magrod_env import Scene, Simulation, SimulationDiverged, load_scene
 from magrod_env.estimation import EnsembleFilter, Measurement, Unknown, UnscentedFilter
 from magrod_env.estimation.members import Members, Rest
 from scripts import Report, Table
+from scripts.estimation.twins import FINER, NOISE, brake, loaded, stiffer
 
-FRAME, NOISE, ELEMENTS = 0.02, 5e-5, 6  # s, m
-AIR = 2.0  # 1/m: deceleration AIR |v| v; ten times what air does to a rod of 4 mm
+FRAME, ELEMENTS = 0.02, 6  # s
 CASES = ("circle", "release")
 LATE = 4  # frames
 
@@ -44,24 +44,6 @@ def turning(count: int) -> np.ndarray:
     return np.stack([0.0 * angle, 14.5e-3 * np.cos(angle), 7.75e-3 + 14.5e-3 * np.sin(angle)], axis=1)
 
 
-def stiffer(scene: Scene, factor: float) -> Scene:
-    """The scene with another Young's modulus."""
-    return scene.replace(rod=dataclasses.replace(scene.rod, youngs_modulus=scene.rod.youngs_modulus * factor))
-
-
-def with_load(scene: Scene, share: float) -> Scene:
-    """The scene with a share of its mass added at the tip."""
-    magnet = scene.magnets[0]
-    return scene.replace(magnets=(dataclasses.replace(magnet, mass=magnet.mass + share * scene.mass),))
-
-
-def brake(simulation: Simulation, duration: float) -> None:
-    """Quadratic drag over `duration` (s), exactly, at fixed directions."""
-    velocities = simulation.velocities
-    speed = np.linalg.norm(velocities, axis=-1, keepdims=True)
-    simulation.set_motion(velocities / (1.0 + AIR * speed * duration), simulation.angular_velocities)
-
-
 def make_twin(case: str, factor: float, count: int) -> Twin:
     """Truth of "circle" (scene 5 of the paper), "release" (scene 4, from straight, no field) or "load" (the circle,
     with a fifth of the rod's mass hung to the tip after one second; else as the filters have it).
@@ -72,17 +54,14 @@ def make_twin(case: str, factor: float, count: int) -> Twin:
     start = None if case == "release" else commands[0]
     plain = case == "load"
     true = stiffer(scene, factor) if plain else stiffer(scene, factor).replace(internal_damping=2e-3, drag_rate=None)
-    truth = Simulation(true, num_elements=3 * ELEMENTS, num_threads=1)
+    truth = Simulation(true, num_elements=FINER * ELEMENTS, num_threads=1)
     model = Simulation(scene, num_elements=ELEMENTS, num_threads=1)
     for simulation in (truth, model):
         simulation.reset(start)
     tips, blind = [truth.tip_position[0]], []
     for k, command in enumerate(commands):
         if plain and k == 50:
-            loaded = Simulation(with_load(true, 0.2), num_elements=3 * ELEMENTS, num_threads=1)
-            loaded._state.write(truth.positions, truth._state.quaternions)
-            loaded.set_motion(truth.velocities, truth.angular_velocities)
-            truth = loaded
+            truth = loaded(truth, num_elements=FINER * ELEMENTS, num_threads=1)
         for _ in range(4):
             truth.advance(FRAME / 4, command)
             if not plain:

@@ -9,7 +9,6 @@ of both of which the filter knows nothing. Cameras see it with noise of 0.05 mm.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import time
 from collections.abc import Callable
 from functools import cache
@@ -23,9 +22,9 @@ from magrod_env import Scene, Simulation, load_scene
 from magrod_env.estimation import Measurement, PredictionFilter
 from magrod_env.estimation.damping_law import GRAM_MILLIMETRE, paper_weights
 from scripts import Report, Table
+from scripts.estimation.twins import FINER, NOISE, stiffer
 
 SCENE = load_scene("paper4_pdms_tip_magnet", modulus="effective")
-NOISE = 5e-5  # m
 TICK = 5e-3  # s: the truth is kept, and the field changes, this often
 NUM_ELEMENTS = 6
 UNKNOWN = {"damping": 1.0, "damping, E 10 % off": 1.1}
@@ -62,22 +61,21 @@ MOTIONS = {
 }
 
 
-def stiffer(factor: float) -> Scene:
+def true_scene(factor: float) -> Scene:
     """The truth: another modulus, and internal damping."""
-    rod = dataclasses.replace(SCENE.rod, youngs_modulus=factor * SCENE.rod.youngs_modulus)
-    return SCENE.replace(rod=rod, internal_damping=INTERNAL_DAMPING)
+    return stiffer(SCENE, factor).replace(internal_damping=INTERNAL_DAMPING)
 
 
 @cache
 def truth(motion: str, factor: float, duration: float) -> np.ndarray:
     """Positions at the nodes of the filter's rod, m, (ticks + 1, num_nodes, 3)."""
     field, start, plane = MOTIONS[motion]
-    simulation = Simulation(stiffer(factor), num_elements=3 * NUM_ELEMENTS, plane=plane)
+    simulation = Simulation(true_scene(factor), num_elements=FINER * NUM_ELEMENTS, plane=plane)
     simulation.reset(start)
-    seen = [simulation.positions[0, ::3]]
+    seen = [simulation.positions[0, ::FINER]]
     for tick in range(round(duration / TICK)):
         simulation.advance(TICK, field=field((tick + 0.5) * TICK))
-        seen.append(simulation.positions[0, ::3])
+        seen.append(simulation.positions[0, ::FINER])
     return np.array(seen)
 
 
@@ -241,7 +239,7 @@ def weights(report: Report, run: Callable[..., Outcome], worst: str) -> None:
 def rest(report: Report) -> None:
     """Hanging at rest with a modulus 10 % off: nothing moves, so nothing is corrected."""
     table = Table("At rest under gravity, E 10 % off: tip error, mm", ("frames", "tip error", "largest |K| T/m"))
-    tip = Simulation(stiffer(1.1), num_elements=3 * NUM_ELEMENTS).equilibrium().tip_position
+    tip = Simulation(true_scene(1.1), num_elements=FINER * NUM_ELEMENTS).equilibrium().tip_position
     estimator, rng = PredictionFilter(SCENE, num_elements=NUM_ELEMENTS, plane="xz"), np.random.default_rng(0)
     estimator.reset((0.0, 0.0, 0.0))
     for frame in range(201):

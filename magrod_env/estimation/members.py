@@ -98,7 +98,9 @@ class Members:
         """Write what follows from the parameters into the lanes; masses and inertia stay.
 
         Every stiffness of an element is proportional to E, the corrected shear stiffness 1/(1/GA + h^2/(12 EI)) too.
+        Factors are kept in their bounds (`Unknowns.bounded`).
         """
+        values = self.unknowns.bounded(values)
         self._parameters, batch = values, self.simulation._batch
         flat = values.reshape(self.shape[0] * self.shape[1], len(self.unknowns))
         if "modulus" in self.unknowns.columns:

@@ -14,6 +14,7 @@ from magrod_env.scene import Scene
 
 FACTORS = ("modulus", "drag", "moment")
 VECTORS = ("misalignment", "acceleration")
+FARTHEST = 5.0  # deviations, from the scene's value, that a factor may reach
 PIECE = 0.5  # of the shortest memory: a longer prediction is made in pieces, with new noise for each
 
 
@@ -103,6 +104,19 @@ class Unknowns:
     def noise(self, duration: float) -> np.ndarray:
         """Standard deviation of what each column gains in `duration` (s)."""
         return self.deviations * np.sqrt(-np.expm1(-2.0 * duration / self.memories))
+
+    def bounded(self, values: np.ndarray) -> np.ndarray:
+        """Parameters (..., P) whose factors are no farther from the scene's value than `FARTHEST` deviations.
+
+        A factor on a drag that hardly matters, or on one that is no linear drag, would else run away in growing spreads
+        until its exponential overflows. Angles and accelerations have no bound: sudden loads go far beyond.
+        """
+        factors = [self.columns[name][0] for name in FACTORS if name in self.columns]
+        if not factors:
+            return values
+        values, far = values.copy(), FARTHEST * self.deviations[factors]
+        values[..., factors] = np.clip(values[..., factors], -far, far)
+        return values
 
     def factor(self, name: str, values: np.ndarray) -> np.ndarray | float:
         """Factor on the scene's value from parameters (..., P); 1 where `name` is known."""

@@ -92,6 +92,17 @@ def test_an_unknown_forgets_and_never_exceeds_its_deviation():
     assert unknowns.pieces(0.02) == 1 and unknowns.pieces(3.0) == 3
 
 
+def test_a_factor_does_not_run_away_and_a_load_may():
+    guesses = members(1)
+    far = np.full((1, 1, 9), 100.0)
+    guesses.parameters = far
+    np.testing.assert_allclose(guesses.parameters[0, 0], [1.0, 2.5, 0.5, *6 * [100.0]])
+    assert np.all(far == 100.0)  # the caller's are left alone
+    guesses.parameters = -far
+    np.testing.assert_allclose(guesses.parameters[0, 0, :3], [-1.0, -2.5, -0.5])
+    assert np.isfinite(guesses.simulation._batch.rows).all()
+
+
 @pytest.mark.parametrize(
     ("parameters", "scene", "message"),
     [

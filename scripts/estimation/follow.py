@@ -1,0 +1,246 @@
+"""Run an estimator, or what stands in for one, over a twin, and take its errors."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from magrod_env import Simulation, SimulationDiverged
+from magrod_env.estimation import (
+    CameraStream,
+    EnsembleFilter,
+    GaussianCameras,
+    Measurement,
+    PredictionFilter,
+    Unknown,
+    UnscentedFilter,
+)
+from magrod_env.estimation.coordinates import strains_of
+from magrod_env.estimation.measurement import marker_nodes
+from scripts.estimation.twins import NOISE, Case, Twin, model_start
+
+STILL = (3, 5, 6)  # experiments that start at rest in an equilibrium, or straight
+LINEAR_DRAG = 1.0  # 1/s: what the ensemble's model has in the place of the dampings it does not know
+UNKNOWNS: dict[str, Any] = {
+    "modulus": Unknown(deviation=0.2, memory=1000.0),
+    "drag": Unknown(deviation=0.7, memory=50.0),
+    "acceleration": Unknown(deviation=0.02, memory=0.5),
+}
+
+
+class ModelAlone:
+    """No estimator: the model runs from its own start and no frame changes it."""
+
+    def __init__(self, case: Case, known_start: bool) -> None:
+        self._simulation = Simulation(case.scene, on_failure="report", **case.settings)
+        if known_start:
+            self._simulation.restore(model_start(case).snapshot())
+        self.arc_lengths = self._simulation.arc_lengths
+
+    def predict(self, field: np.ndarray, duration: float) -> None:
+        """Advance."""
+        self._simulation.advance(duration, field)
+
+    def update(self, measurement: Measurement) -> None:
+        """Nothing."""
+
+    @property
+    def positions(self) -> np.ndarray:
+        """m, (1, num_nodes, 3)."""
+        return self._simulation.positions
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """m/s, (1, num_nodes, 3)."""
+        return self._simulation.velocities
+
+
+class FramesAlone:
+    """No filter: the last frame held, or with `extended` the line through the last two; the unseen is NaN."""
+
+    def __init__(self, case: Case, num_rods: int, extended: bool) -> None:
+        self.extended, self._time = extended, 0.0
+        self._seen = np.isin(np.round(case.watched, 9), np.round(case.markers, 9))
+        self._last = np.full((2, num_rods, len(case.watched), 3), np.nan)
+        self._times = np.full((2, num_rods, len(case.watched), 1), np.nan)
+
+    def predict(self, field: np.ndarray, duration: float) -> None:
+        """Time passes."""
+        self._time += duration
+
+    def update(self, measurement: Measurement) -> None:
+        """Keep a frame."""
+        new = np.full(self._last.shape[1:], np.nan)
+        new[:, self._seen] = measurement.positions
+        seen = np.isfinite(new).all(axis=-1, keepdims=True)
+        self._last = np.where(seen, [self._last[1], new], self._last)
+        self._times = np.where(seen, [self._times[1], np.full(seen.shape, measurement.time)], self._times)
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """Difference of the last two frames, m/s, (num_rods, points, 3)."""
+        return (self._last[1] - self._last[0]) / (self._times[1] - self._times[0])
+
+    @property
+    def positions(self) -> np.ndarray:
+        """m, (num_rods, points, 3)."""
+        if not self.extended:
+            return self._last[1]
+        moved = self._last[1] + self.velocities * (self._time - self._times[1])
+        return np.where(np.isfinite(moved), moved, self._last[1])
+
+
+def build(case: Case, way: str, num_rods: int, options: Mapping[str, Any], known_start: bool = True) -> Any:
+    """An estimator in its experiment's start.
+
+    Args:
+        case: what it follows.
+        way: "model", "held", "extended", "printed" (the paper's law as printed), "paper" (the law by replay),
+            "ensemble", "unscented".
+        num_rods: noises.
+        options: for its class.
+        known_start: or straight and at rest.
+    """
+    if way == "model":
+        return ModelAlone(case, known_start)
+    if way in ("held", "extended"):
+        return FramesAlone(case, num_rods, way == "extended")
+    settings = {"num_rods": num_rods, "markers": case.markers, **case.settings, **options}
+    if way in ("printed", "paper"):
+        law = {"law": "extrapolated", "damped": "seen"} if way == "printed" else {}
+        estimator: Any = PredictionFilter(case.scene, **{"on_failure": "report", **law, **settings})
+    else:
+        kind = EnsembleFilter if way == "ensemble" else UnscentedFilter
+        scene = case.scene.replace(drag_rate=LINEAR_DRAG)
+        estimator = kind(scene, **{"parameters": UNKNOWNS, **settings})
+    if not known_start:
+        estimator.reset()
+    elif case.number in STILL:
+        estimator.reset(None if case.number == 3 else model_start(case).field[0])
+    else:
+        shift(estimator, model_start(case, settings["num_elements"]))
+    return estimator
+
+
+def shift(estimator: Any, model: Simulation) -> None:
+    """Let a filter that was just reset start around the shape of a simulation of its model, at rest."""
+    if isinstance(estimator, PredictionFilter):
+        ones = np.ones((estimator.num_rods, 1, 1))
+        estimator._model._state.write(ones * model.positions, ones * model._state.quaternions)
+        estimator._model._batch.mark()
+        return
+    members, still = estimator.members, np.zeros_like(model.positions)
+    bent = strains_of(model.positions, model._state.quaternions, still, still, members.lengths)[..., :6]
+    strains = members.strains()[..., :6] + bent - members._straight.reshape(-1, 6)
+    members.lay(strains.reshape(*members.shape, -1, 6), np.ones(estimator.num_rods, bool))
+    estimator._times.clear()
+    estimator._tracks = estimator._tracks[:0]
+    estimator._remember()
+
+
+@dataclass(frozen=True)
+class Course:
+    """Errors of a run: estimate minus truth, NaN where an estimator says nothing or has diverged.
+
+    Args:
+        times: s, (ticks,).
+        at_frames: (ticks,) bool, instants at which a frame is exposed.
+        positions, velocities: (ticks, num_rods, points, 3) m, m/s.
+        residuals: estimate minus frame at the tip, once the frame was taken in, (frames, num_rods, 3) m.
+        seconds: wall time of the estimator.
+        parameters: mean estimate of each at the end.
+    """
+
+    times: np.ndarray
+    at_frames: np.ndarray
+    positions: np.ndarray
+    velocities: np.ndarray
+    residuals: np.ndarray
+    seconds: float
+    parameters: dict[str, float]
+
+
+def follow(
+    case: Case,
+    twin: Twin,
+    way: str,
+    *,
+    num_rods: int = 1,
+    rate: int | None = None,
+    noise: float | None = NOISE,
+    delay: float = 0.0,
+    drops: float = 0.0,
+    known_start: bool = True,
+    ticks_at_once: int = 1,
+    seed: int = 1,
+    options: Mapping[str, Any] | None = None,
+) -> Course:
+    """Run an estimator over a twin.
+
+    Args:
+        case, twin: what is followed.
+        way, options, known_start: as in `build`.
+        num_rods: noises; the estimators are a batch.
+        rate: frames a second, a divisor of the twin's instants; None for the case's.
+        noise: m; None for none.
+        delay: of frames, s.
+        drops: probability that a frame is lost.
+        ticks_at_once: instants that one prediction covers, for timing.
+        seed: of the noise.
+    """
+    rate = rate or case.rate
+    every = round(case.rate * case.ticks / rate)
+    estimator = build(case, way, num_rods, options or {}, known_start)
+    stream = CameraStream(GaussianCameras(noise=noise), rate=rate, delay=delay, drop_probability=drops)
+    stream.reset(seed)
+    nodes = _nodes(case, estimator)
+    seen = range(len(case.markers))
+    positions, velocities, residuals, seconds = [], [], [], 0.0
+    lost = False
+    for k in range(0, len(twin.times), ticks_at_once):
+        now = float(twin.times[k])
+        frames = _frames(stream, k % every == 0, now, twin.positions[k, seen], num_rods)
+        began = time.perf_counter()
+        try:
+            if k > 0 and not lost:
+                estimator.predict(twin.fields[k - 1], float(twin.times[k] - twin.times[k - ticks_at_once]))
+            for frame in frames:
+                if not lost:
+                    estimator.update(frame)
+        except SimulationDiverged:
+            lost = True
+        seconds += time.perf_counter() - began
+        at, moving = estimator.positions[:, nodes], estimator.velocities[:, nodes]
+        bad = lost | (np.asarray(getattr(estimator, "status", 0)).reshape(-1, 1, 1) != 0)
+        positions.append(np.where(bad, np.nan, at - twin.positions[k]))
+        velocities.append(np.where(bad, np.nan, moving - twin.velocities[k]))
+        residuals += [np.where(bad[..., 0], np.nan, at[:, 0] - frame.positions[:, 0]) for frame in frames]
+    taken = twin.times[::ticks_at_once]
+    return Course(
+        taken,
+        np.arange(0, len(twin.times), ticks_at_once) % every == 0,
+        np.array(positions),
+        np.array(velocities),
+        np.array(residuals),
+        seconds,
+        {name: float(np.mean(value)) for name, value in getattr(estimator, "parameters", {}).items()},
+    )
+
+
+def _nodes(case: Case, estimator: Any) -> np.ndarray:
+    """Where the watched points are in an estimator's arrays."""
+    if isinstance(estimator, FramesAlone):
+        return np.arange(len(case.watched))
+    model = getattr(estimator, "members", estimator)
+    return marker_nodes(getattr(model, "simulation", model).arc_lengths, case.watched)
+
+
+def _frames(stream: CameraStream, due: bool, now: float, shown: np.ndarray, num_rods: int) -> list[Measurement]:
+    """Expose a frame if one is due; those that have come."""
+    if due:
+        stream.expose(now, np.tile(shown, (num_rods, 1, 1)))
+    return stream.arrived(now)
