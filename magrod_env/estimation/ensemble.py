@@ -205,8 +205,9 @@ class EnsembleFilter(MemberFilter):
     def _believed(self, parameters: np.ndarray) -> np.ndarray:
         """Where failures are reported, parameters that no prior explains begin anew, and the motion goes on."""
         if self.members.on_failure == "report":
-            strayed = (np.abs(parameters) > STRAYED * self.members.unknowns.deviations).any(axis=(1, 2))
-            parameters[strayed] = self._prior
+            unknowns = self.members.unknowns
+            strayed = (np.abs(parameters) > STRAYED * unknowns.deviations).any(axis=(1, 2))
+            parameters[strayed | unknowns.pinned(parameters.mean(axis=1))] = self._prior
         return parameters
 
     @property

@@ -111,12 +111,20 @@ class Unknowns:
         A factor on a drag that hardly matters, or on one that is no linear drag, would else run away in growing spreads
         until its exponential overflows. Angles and accelerations have no bound: sudden loads go far beyond.
         """
-        factors = [self.columns[name][0] for name in FACTORS if name in self.columns]
-        if not factors:
-            return values
+        factors = self._factors
         values, far = values.copy(), FARTHEST * self.deviations[factors]
         values[..., factors] = np.clip(values[..., factors], -far, far)
         return values
+
+    def pinned(self, values: np.ndarray) -> np.ndarray:
+        """Whether a factor of parameters (..., P) is at its bound, to 1 %; (...)."""
+        factors = self._factors
+        return (np.abs(values[..., factors]) > 0.99 * FARTHEST * self.deviations[factors]).any(axis=-1)
+
+    @property
+    def _factors(self) -> list[int]:
+        """Columns of the factors."""
+        return [self.columns[name][0] for name in FACTORS if name in self.columns]
 
     def factor(self, name: str, values: np.ndarray) -> np.ndarray | float:
         """Factor on the scene's value from parameters (..., P); 1 where `name` is known."""

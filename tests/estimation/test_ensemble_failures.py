@@ -58,7 +58,7 @@ def test_reported_failure_lasts_until_the_reset_and_leaves_the_others_alone():
 def test_parameters_that_stray_begin_anew_where_failures_are_reported():
     rods = ensemble(on_failure="report")
     values = rods.members.parameters.copy()
-    values[1, :, 0] += 2.5  # a modulus of twelve times the scene's, with a prior of 20 %
+    values[1, :, 0] += 2.5  # a modulus of twelve times the scene's, with a prior of 20 %: kept at its bound
     rods.members.parameters = values
     before = rods.members.parameters[0].copy()
     rods.update(None)

@@ -356,7 +356,7 @@ def test_bad_frames_are_refused():
             estimator.update(wrong)
     estimator.update(frame(tip, 0.1))
     estimator.predict(FREE, FRAME)
-    with pytest.raises(ValueError, match="the last exposure taken in"):
+    with pytest.raises(ValueError, match="that of the last update"):
         estimator.update(frame(tip, 0.095))
 
 
