@@ -56,6 +56,9 @@ integrators with steps that are parts of the time between two samples; *toleranc
 line has two settings (conditioning; elements and implicit step), dots are all runs and the line joins those that no
 other of them beats.
 
+Finished runs are kept as they come (`--keep`) and not done again, so that a page may gather several processes of a
+day, at more than one commit; batches are timed anew each time.
+
 One spectral element of high degree, the reference's own kind, does not overtake the helical element at any error that
 both reach: at 8e-5 mm in the rotating field it takes some fifty times as long, explicit in time and with compiled loads
 in a loop of SciPy's. The curve of its error is steeper, so they would cross; where, these runs do not show. The floor
