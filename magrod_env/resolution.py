@@ -164,8 +164,8 @@ def elements_for(load: float, longest_element: float) -> float:
     """How many times as many elements a rod should have for its loads; 1 or less where it has enough.
 
     An element has to be short against the length sqrt(EI/(EI/L + moments)) over which the loads bend the rod: at most
-    half of it. An estimate before any run, for sudden loads; `scripts.stability` counts what it misses and what it tells
-    of in vain.
+    half of it. An estimate before any run, for sudden loads; `scripts.stability` counts what it misses and what it
+    tells of in vain.
 
     Args:
         load: moments of the loads at the clamp over EI/L.
