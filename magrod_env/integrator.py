@@ -13,24 +13,31 @@ SHARES: dict[str, tuple[float, ...]] = {
     "implicit4": (_OUTER, _OUTER, 1.0 - 4.0 * _OUTER, _OUTER, _OUTER),  # Suzuki 1990: order 4 of a symmetric step
 }
 """Midpoint steps, in shares of a time step, that an implicit scheme is made of."""
+MIDPOINT_COST = 10.0  # explicit steps that take as long as an implicit midpoint step
 STEPS_A_PERIOD = {"implicit": 64.0, "implicit4": 12.0}  # of the slowest vibration: its phase errs by 8e-4, 7e-5
 DAMPED_STEP = 2.0  # of implicit4, over the time of a drag: its middle share goes back in time
 
 
+def implicit_schemes(scene: Scene) -> tuple[str, ...]:
+    """Those that can step the scene, the most exact first."""
+    return ("implicit",) if scene.internal_damping is not None else ("implicit4", "implicit")
+
+
 def check_integrator(
-    integrator: str, scene: Scene, *, element: str, precision: str, plane: str | None, tolerance: float | None
-) -> None:
-    """Refuse an unknown integrator, or one that cannot do what else is asked for."""
+    integrator: str | None, scene: Scene, *, element: str, precision: str, tolerance: float | None
+) -> str:
+    """The integrator asked for, explicit where nothing is said; ValueError if it cannot do what else is asked for."""
+    if integrator is None:
+        return "explicit"
     if integrator not in SHARES:
         raise ValueError(
             f"integrator must be one of {', '.join(map(repr, SHARES))}, but got {integrator!r}: choose one of them."
         )
     if integrator == "explicit":
-        return
+        return integrator
     for name, value, needed in (
         ("element", element, "helical"),
         ("precision", precision, "float64"),
-        ("plane", plane, None),
         ("tolerance", tolerance, None),
     ):
         if value != needed:
@@ -38,11 +45,17 @@ def check_integrator(
                 f"{name} must be {needed!r} with integrator={integrator!r}, but got {value!r}: leave it out, or use "
                 'integrator="explicit".'
             )
-    if integrator == "implicit4" and scene.internal_damping is not None:
+    if integrator not in implicit_schemes(scene):
         raise ValueError(
             'internal_damping must be None with integrator="implicit4", part of whose step goes back in time, but got '
             f'{scene.internal_damping!r}: use integrator="implicit".'
         )
+    return integrator
+
+
+def cost_rate(integrator: str, num_elements: int, time_step: float) -> float:
+    """Elements times steps in a second of motion, in explicit steps."""
+    return (MIDPOINT_COST * len(SHARES[integrator]) or 1.0) * num_elements / time_step
 
 
 def largest_step(integrator: str, drag_rate: float | None, spin_drag_rate: float | None) -> float:

@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from magrod_env.integrator import SHARES, check_integrator, largest_step, working_step
+from magrod_env.integrator import SHARES, check_integrator, implicit_schemes, largest_step, working_step
 from magrod_env.magnetics import FieldCourse, _checks
 from magrod_env.resolution import (
     EXPECTED_FIELD,
     Resolution,
     checked_expected_field,
     checked_resolution,
-    choose_resolution,
     elements_for,
 )
 from magrod_env.rod.batch import PLANE_AXES, RodBatch
@@ -30,6 +29,7 @@ from magrod_env.rod.mesh import arc_lengths
 from magrod_env.rod.stability import angular_frequencies
 from magrod_env.rod.state import BatchState
 from magrod_env.scene import Scene
+from magrod_env.search import choose_resolution
 from magrod_env.values import check_plane, locking_factor, relative_load, rod_values, scene_terms, shaped
 
 ELEMENTS = ("helical", "nodal")
@@ -77,7 +77,8 @@ class Simulation:
         time_step: s; None takes 0.4 of the bound in a sudden `expected_field`, straight or sagging under twice gravity.
         tolerance: RMS error of the tip, m, over two seconds from the straight rod in fields up to `expected_field` that
             change smoothly or in small steps. Pilot runs of the scene (0.2 s to some 10 s, once a process) then choose
-            `num_elements`, `time_step`, `axial_softening` and `rotary_scaling`; see `resolution`.
+            `num_elements`, `time_step`, `axial_softening`, `rotary_scaling` and, unless it is given, `integrator`; see
+            `resolution`.
         expected_field: magnitude, T, of the strongest field that is likely.
         precision: "float64" or "float32".
         plane: None for motion in space; "xz" or "xy" computes motion in that plane only: the same result at less cost.
@@ -85,8 +86,9 @@ class Simulation:
         rotary_scaling: multiplies the rotary inertia of the sections, both at least 1 and None for 1: conditioning of
             stiff modes that allows longer steps at an error to be weighed (docs/physics.md). Bending stays as it is.
         integrator: "explicit"; or, for stiff rods, "implicit" (order 2) or "implicit4" (order 4, without internal
-            damping): in space, with the helical element in float64, their steps are bounded by accuracy alone.
-            `time_step` None then takes 1/64 or 1/12 of the period of the slowest vibration of the straight rod.
+            damping): with the helical element in float64, their steps are bounded by accuracy alone. `time_step` None
+            then takes 1/64 or 1/12 of the period of the slowest vibration of the straight rod. None is "explicit", or
+            what a `tolerance` chooses. Implicit steps are computed in space, in a `plane` too.
         frequency_shaping: with element="nodal", divide E by the locking factor 1 + GA h^2/(4 EI), h = length/elements.
         on_failure: "raise" SimulationDiverged after a step that a rod did not survive, or only "report" it in `status`.
         num_threads: threads that share the batch; None for one a core.
@@ -109,7 +111,7 @@ class Simulation:
         plane: str | None = None,
         axial_softening: float | None = None,
         rotary_scaling: float | None = None,
-        integrator: str = "explicit",
+        integrator: str | None = None,
         frequency_shaping: bool = False,
         on_failure: str = "raise",
         num_threads: int | None = None,
@@ -121,7 +123,7 @@ class Simulation:
         _check_choice("precision", precision, PRECISIONS)
         _check_choice("on_failure", on_failure, ("raise", "report"))
         check_plane(scene, plane)
-        check_integrator(integrator, scene, element=element, precision=precision, plane=plane, tolerance=tolerance)
+        scheme = check_integrator(integrator, scene, element=element, precision=precision, tolerance=tolerance)
         if element == "nodal" and scene.internal_damping is not None:
             raise ValueError(
                 'internal_damping must be None with element="nodal", which the paper has without it, '
@@ -129,7 +131,7 @@ class Simulation:
             )
         self.scene, self.num_rods, self.element = scene, num_rods, element
         self.precision, self.plane, self.on_failure = precision, plane, on_failure
-        self.integrator = integrator
+        self._across = None if plane is None else 3 - sum(PLANE_AXES[plane])
         self.expected_field = checked_expected_field(expected_field)
         resolution = checked_resolution(num_elements, time_step, axial_softening, rotary_scaling, tolerance)
         if tolerance is not None:
@@ -138,7 +140,12 @@ class Simulation:
                     'tolerance must be None with element="nodal", which locks, but got '
                     f'{tolerance!r}: use element="helical", or give num_elements.'
                 )
-            resolution = resolution_for(scene, float(tolerance), plane, self.expected_field)
+            free = integrator is None and precision == "float64"
+            implicit = implicit_schemes(scene) if free else ()
+            resolution = resolution_for(scene, float(tolerance), plane, self.expected_field, implicit=implicit)
+        else:
+            resolution = dataclasses.replace(resolution, integrator=scheme)
+        self.integrator = resolution.integrator
         self.num_elements = num_elements = resolution.num_elements
         self._values, segments = rod_values(scene, resolution.axial_softening, resolution.rotary_scaling)
         locks = element == "nodal" and not frequency_shaping
@@ -154,7 +161,7 @@ class Simulation:
             num_elements=num_elements,
             nodal=element == "nodal",
             precision=precision,
-            plane=plane,
+            plane=plane if self.integrator == "explicit" else None,  # implicit ones step in space
             **terms,
             num_threads=num_threads,
         )
@@ -391,7 +398,7 @@ class Simulation:
     def _check_in_plane(self, fields: np.ndarray) -> None:
         if self.plane is None:
             return
-        across = fields[..., self._state.across]
+        across = fields[..., self._across]
         if np.any(across != 0.0):
             raise ValueError(
                 f"field must lie in the plane {self.plane!r} of this planar simulation, but got up to "
@@ -412,7 +419,7 @@ class Simulation:
             )
         array = np.array(np.broadcast_to(array, (self.num_rods, 3, 3)))
         if self.plane is not None:
-            across = self._state.across
+            across = self._across
             inside = [axis for axis in range(3) if axis != across]
             if array[:, across, inside].any() or array[:, inside, across].any():
                 raise ValueError(
@@ -496,7 +503,7 @@ class Simulation:
             array[:, 0] = 0.0
             arrays.append(array)
         if self.plane is not None:
-            across = self._state.across
+            across = self._across
             inside = [axis for axis in range(3) if axis != across]
             if arrays[0][..., across].any() or arrays[1][..., inside].any():
                 raise ValueError(
@@ -580,7 +587,12 @@ def _check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
 
 @lru_cache(maxsize=64)
 def resolution_for(
-    scene: Scene, tolerance: float, plane: str | None, expected_field: float, hanging: bool = False
+    scene: Scene,
+    tolerance: float,
+    plane: str | None,
+    expected_field: float,
+    hanging: bool = False,
+    implicit: tuple[str, ...] = (),
 ) -> Resolution:
     """What a tolerance asks for; kept, since a process that asks once often asks again (see `choose_resolution`)."""
     return choose_resolution(
@@ -591,6 +603,7 @@ def resolution_for(
         axes=PLANE_AXES[plane],
         load=relative_load(scene, expected_field) - relative_load(scene, 0.0),
         hanging=hanging,
+        implicit=implicit,
     )
 
 

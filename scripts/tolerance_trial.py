@@ -1,26 +1,31 @@
 """One trial of scripts/tolerance.py: what a tolerance chooses, how far its tips are off, what it costs by hand.
 
-Costs are element-steps: elements times steps, for one rod over the trial.
+Costs are element-steps: elements times explicit steps, for one rod over the trial; an implicit midpoint step counts as
+several of them (`cost_rate`).
 """
 
 from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
 from magrod_env import Simulation
-from magrod_env.resolution import LADDER
+from magrod_env.integrator import cost_rate, implicit_schemes
+from magrod_env.search import LADDER, STEPS, cheapest_pair
 from scripts.tolerance_scenes import CONTROL_TIME, DURATION, NUM_RODS, Trial
 
 CONDITIONING = ((1, 1), (1, 4), (1, 16), (4, 9), (16, 31), (64, 127), (256, 511), (1024, 2047))
-"""axial_softening and rotary_scaling to choose from by hand, from stiff to soft."""
+"""axial_softening and rotary_scaling to choose from by hand, from stiff to soft, at the default step."""
 DEAREST = 2.0  # a hand-chosen setting that costs this many times what the tolerance chose is not tried
 PRICED = 0.05  # of the budget: the price of dearer choices is not searched
+CHOSEN = ("num_elements", "axial_softening", "rotary_scaling", "integrator")
 FINER_EVERY = 7  # trials: a still finer run checks every seventh reference, and all that say that a promise was broken
 
 
@@ -33,14 +38,16 @@ class Record:
         tolerance: m.
         outcome: "measured"; "refused" by a ValueError; "too dear" where the reference was beyond the budget.
         choosing_time: s.
-        num_elements, time_step, axial_softening, rotary_scaling: what was chosen.
+        num_elements, time_step, axial_softening, rotary_scaling, integrator: what was chosen.
         estimate: of the error by the pilots, m.
         cost: element-steps of the choice.
         run_time: of the choice over the trial, s.
         errors: RMS over time of each rod's tip, m; None where the rod was lost.
         reference_cost: element-steps.
         doubt: largest RMS distance between the reference and a finer one, m; None where none was run.
-        best: num_elements, axial_softening and rotary_scaling of the cheapest hand-chosen setting within the tolerance.
+        apart: largest RMS distance, m, between an implicit reference and explicit steps of the same elements without
+            conditioning; None where the reference is explicit or those would be beyond the budget.
+        best: the cheapest hand-chosen setting within the tolerance.
         best_cost: its element-steps; None where none up to DEAREST times the cost was good enough.
         priced: whether such a setting was looked for.
     """
@@ -59,13 +66,15 @@ class Record:
     time_step: float | None = None
     axial_softening: float | None = None
     rotary_scaling: float | None = None
+    integrator: str | None = None
     estimate: float | None = None
     cost: float | None = None
     run_time: float | None = None
     errors: list[float | None] | None = None
     reference_cost: float | None = None
     doubt: float | None = None
-    best: list[float] | None = None
+    apart: float | None = None
+    best: dict[str, float | str] | None = None
     best_cost: float | None = None
     priced: bool = False
 
@@ -89,14 +98,15 @@ def measure(trial: Trial, tolerance: float, budget: float, price: bool = True) -
         "num_magnets": len(trial.scene.magnets),
         "tolerance": tolerance,
     }
-    simulate(trial, num_elements=len(trial.scene.magnets)).advance(1e-4)  # so that no time below is compilation
+    for name in ("explicit", *implicit_schemes(trial.scene)):  # so that no time below is compilation
+        simulate(trial, num_elements=len(trial.scene.magnets), integrator=name).advance(1e-4)
     start = time.perf_counter()
     try:
         chosen = simulate(trial, tolerance=tolerance)
     except ValueError:
         return Record(**facts, outcome="refused", choosing_time=time.perf_counter() - start)
     resolution = chosen.resolution
-    facts |= {name: getattr(resolution, name) for name in ("num_elements", "axial_softening", "rotary_scaling")}
+    facts |= {name: getattr(resolution, name) for name in CHOSEN}
     facts |= {"choosing_time": time.perf_counter() - start, "estimate": resolution.error}
     facts |= {"time_step": chosen.time_step, "cost": cost(chosen)}
     reference = finer(trial, chosen)
@@ -110,13 +120,16 @@ def measure(trial: Trial, tolerance: float, budget: float, price: bool = True) -
     errors = distances(found, truth)
     facts["errors"] = [float(error) if math.isfinite(error) else None for error in errors]
     if errors.max() > tolerance or trial.index % FINER_EVERY == 0:
-        facts["doubt"] = _doubt(trial, reference, truth, budget)
+        facts["doubt"] = _distance(trial, finer(trial, reference, 1.5, 4.0), truth, 2.0 * budget)
+    if reference.integrator != "explicit":
+        explicit = simulate(trial, num_elements=reference.num_elements, integrator="explicit")
+        facts["apart"] = _distance(trial, explicit, truth, budget)
     if price and errors.max() <= tolerance and cost(chosen) <= PRICED * budget:
         facts |= {"priced": True, **_cheapest(trial, tolerance, truth, cost(chosen), resolution.num_elements)}
     return Record(**facts, outcome="measured")
 
 
-def simulate(trial: Trial, **resolution: float | None) -> Simulation:
+def simulate(trial: Trial, **resolution: Any) -> Simulation:
     """The trial's rods at a resolution."""
     return Simulation(
         trial.scene,
@@ -129,8 +142,18 @@ def simulate(trial: Trial, **resolution: float | None) -> Simulation:
 
 
 def finer(trial: Trial, simulation: Simulation, elements: float = 2.0, conditioning: float = 8.0) -> Simulation:
-    """A simulation with so many times the elements, that much less conditioning, and at most half the time step."""
+    """A simulation with so many times the elements, that much less conditioning, and at most half the time step.
+
+    An implicit choice is compared with the most exact implicit scheme at that much shorter half a step.
+    """
     resolution = simulation.resolution
+    if simulation.integrator != "explicit":
+        return simulate(
+            trial,
+            num_elements=math.ceil(elements * resolution.num_elements),
+            integrator=implicit_schemes(trial.scene)[0],
+            time_step=2.0 * simulation.time_step / conditioning,
+        )
     fine = simulate(
         trial,
         num_elements=math.ceil(elements * resolution.num_elements),
@@ -144,7 +167,7 @@ def finer(trial: Trial, simulation: Simulation, elements: float = 2.0, condition
 def cost(simulation: Simulation) -> float:
     """Element-steps of one rod over a trial."""
     steps = math.ceil(CONTROL_TIME / simulation.time_step - 1e-9)
-    return float(simulation.num_elements * steps * round(DURATION / CONTROL_TIME))
+    return DURATION * cost_rate(simulation.integrator, simulation.num_elements, CONTROL_TIME / steps)
 
 
 def tips(simulation: Simulation, fields: np.ndarray) -> np.ndarray:
@@ -164,37 +187,42 @@ def distances(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
     return np.where(np.isnan(rms), np.inf, rms)
 
 
-def _doubt(trial: Trial, reference: Simulation, truth: np.ndarray, budget: float) -> float | None:
-    """Largest RMS distance, m, of the reference to a still finer one; None where that is beyond twice the budget."""
-    finest = finer(trial, reference, 1.5, 4.0)
-    if cost(finest) > 2.0 * budget:
+def _distance(trial: Trial, other: Simulation, truth: np.ndarray, budget: float) -> float | None:
+    """Largest RMS distance, m, of the reference to another run; None where that is beyond the budget."""
+    if cost(other) > budget:
         return None
-    return float(min(distances(truth, tips(finest, trial.fields)).max(), 1e3))
+    return float(min(distances(truth, tips(other, trial.fields)).max(), 1e3))
+
+
+def _by_hand(trial: Trial) -> Iterator[tuple[str, list[dict[str, float]]]]:
+    """Settings to choose from by hand, beside the elements, from loose to exact: integrator, and its choices."""
+    yield "explicit", [{"axial_softening": axial, "rotary_scaling": rotary} for axial, rotary in CONDITIONING[::-1]]
+    for name in implicit_schemes(trial.scene):
+        longest = Simulation(trial.scene, num_elements=len(trial.scene.magnets), integrator=name).stable_time_step
+        yield name, [{"time_step": CONTROL_TIME / each} for each in STEPS if CONTROL_TIME / each <= longest]
 
 
 def _cheapest(
     trial: Trial, tolerance: float, truth: np.ndarray, chosen_cost: float, most_elements: int
-) -> dict[str, list[float] | float | None]:
-    """The cheapest setting of LADDER and CONDITIONING whose measured error is within the tolerance.
-
-    Fewer elements or more conditioning are taken to be less exact, so that one walk along the border between good
-    enough and not finds it: from soft to stiff and from many elements to few, without runs that cannot be cheaper.
-    """
-    best: list[float] | None = None
-    best_cost = DEAREST * chosen_cost
+) -> dict[str, Any]:
+    """The cheapest setting within the tolerance of those that `_by_hand` lists, at LADDER's elements."""
+    best, least = None, DEAREST * chosen_cost
     rungs = [rung for rung in LADDER if len(trial.scene.segment_ends) <= rung <= most_elements]
-    soft = len(CONDITIONING) - 1
-    while rungs and soft >= 0:
-        axial, rotary = CONDITIONING[soft]
-        simulation = simulate(trial, num_elements=rungs[-1], axial_softening=axial, rotary_scaling=rotary)
-        if cost(simulation) >= best_cost:
-            rungs.pop()
-        elif distances(tips(simulation, trial.fields), truth).max() <= tolerance:
-            best, best_cost = [rungs[-1], axial, rotary], cost(simulation)
-            rungs.pop()
-        else:
-            soft -= 1
-    return {"best": best, "best_cost": None if best is None else best_cost}
+    for name, settings in _by_hand(trial):
+
+        def run(rung: int, setting: dict[str, float], name: str = name) -> Simulation:
+            return simulate(trial, num_elements=rung, integrator=name, **setting)
+
+        def price(rung: int, setting: dict[str, float], run: Callable[..., Simulation] = run) -> float:
+            return cost(run(rung, setting))
+
+        def good(rung: int, setting: dict[str, float], run: Callable[..., Simulation] = run) -> bool:
+            return bool(distances(tips(run(rung, setting), trial.fields), truth).max() <= tolerance)
+
+        found = cheapest_pair(rungs, settings, price, good, least)
+        if found is not None:
+            best, least = {"integrator": name, "num_elements": found[0], **found[1]}, price(*found)
+    return {"best": best, "best_cost": None if best is None else least}
 
 
 def spectral_distance(trial: Trial, truth: np.ndarray, elements: int = 4, degree: int = 6) -> float:

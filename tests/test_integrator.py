@@ -175,7 +175,6 @@ def test_a_step_that_cannot_be_solved_is_reported():
         ({"integrator": "midpoint"}, r"integrator must be one of 'explicit', 'implicit', 'implicit4', but got"),
         ({"integrator": "implicit", "element": "nodal"}, r"element must be 'helical' with integrator='implicit'"),
         ({"integrator": "implicit", "precision": "float32"}, r"precision must be 'float64' with integrator"),
-        ({"integrator": "implicit4", "plane": "xz"}, r"plane must be None with integrator='implicit4'"),
         ({"integrator": "implicit", "tolerance": 1e-4}, r"tolerance must be None with integrator='implicit'"),
     ],
 )

@@ -4,7 +4,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from magrod_env import Simulation, load_scene, resolution
+from magrod_env import Simulation, load_scene, search
 from magrod_env.simulation import resolution_for
 from scripts.accuracy import CASES, follow, reference
 
@@ -101,7 +101,7 @@ def test_bad_expected_field_is_refused(value):
 
 
 def test_a_tolerance_out_of_reach_says_what_to_do(monkeypatch):
-    monkeypatch.setattr(resolution, "LADDER", (3, 4, 5, 8))
+    monkeypatch.setattr(search, "LADDER", (3, 4, 5, 8))
     with pytest.raises(ValueError, match=r"tolerance must be within reach of 8 elements.*expected_field"):
         Simulation(load_scene("paper4_pdms_tip_magnet"), tolerance=1.1e-5, expected_field=5e-3)
 
