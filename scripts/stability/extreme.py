@@ -1,4 +1,4 @@
-"""Thousands of random scenes, each run to one of five endings, and what became of them."""
+"""Thousands of random scenes, each run to one of six endings, and what became of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from scripts import Check, Report, Table
 from scripts.stability.drawing import COURSES, Trial, draw, own_time
-from scripts.stability.verdict import COARSE, ENDINGS, ENERGY_MADE, TOLERANCE, Runs, Verdict, judge
+from scripts.stability.verdict import COARSE, ENDINGS, ENERGY_MADE, HALVED, TOLERANCE, Runs, Verdict, judge
 
 SCENES = {False: 5000, True: 100}
 BUDGET = {False: 0.2, True: 0.05}  # s, for the finer run
@@ -176,7 +176,7 @@ def replay(seed: int, quick: bool) -> None:
     print(trial)
     verdict, runs = judge(trial, BUDGET[quick])
     print(verdict)
-    for name in ("asked", "finer", "double", "half", "quarter", "eighth", "disturbed"):
+    for name in ("asked", "finer", "double", *HALVED[1:4], "disturbed quarter"):
         if runs.plan is None:
             break
         run = runs(name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,8 +18,10 @@ TOLERANCE = 0.05  # of the tip's largest distance from the straight rod's, RMS o
 LEAST_EXCURSION = {"float64": 1e-9, "float32": 1e-4}  # lengths of the rod: below, rounding is all there is
 DISTURBANCE = 1e-4  # of the loads, relative and in direction (rad)
 ENERGY_MADE = 0.1  # of the largest kinetic and elastic energy: what a stable run's ripple may pretend to make
-SECOND_ORDER = 2.0  # least ratio of the errors of half and a quarter of the step, judged by an eighth: 5 in theory
-FAR = 20.0  # largest ratio of those of the step and its half: 4.2 in theory, 12 at the stability limit
+HALVED = ("asked", "half", "quarter", "eighth", "sixteenth", "thirty-second", "sixty-fourth")  # steps
+SECOND_ORDER = 2.0  # least ratio of the errors of a step and its half, judged by the next half: 5 in theory
+FAR = 20.0  # largest ratio of the errors of a longer step and its half: 4.2 in theory, 12 at the stability limit
+LEAST_STEPS = 64  # of the run that is judged
 INTERVALS, STEPS_AN_INTERVAL = 120, 8  # of constant field: at most, and at least
 NANOSECONDS = {None: 170.0, "xz": 60.0}  # of a step and element, to plan with
 COARSE = {True: "coarse, warned", False: "coarse, silent"}
@@ -96,10 +99,10 @@ def finer_elements(num_elements: int) -> int:
 
 
 def plan(trial: Trial, coarse: Simulation, finer: Simulation, budget: float) -> Plan:
-    """A few periods, or what the finer run can do in about `budget` seconds."""
+    """A few periods, or what the finer run can do in about `budget` seconds, but LEAST_STEPS."""
     duration = trial.periods * own_time(trial.scene, trial.field)
     affordable = 1e9 * budget / (NANOSECONDS[trial.kind.plane] * finer.num_elements) * finer.time_step
-    duration = min(duration, affordable)
+    duration = min(duration, max(affordable, LEAST_STEPS * coarse.time_step))
     return Plan(duration, max(1, min(INTERVALS, int(duration / coarse.time_step) // STEPS_AN_INTERVAL)))
 
 
@@ -200,15 +203,15 @@ def classify(runs) -> Verdict:
     """The verdict from runs that are made when asked for.
 
     Correct: within TOLERANCE of the finer run. Else the same elements with a quarter of the step tell what is coarse:
-    the elements where it agrees; the step where errors fall with it as those of second order do; float32 where the
-    same run in float64 is elsewhere.
+    the elements where it agrees; the step where errors fall with it as those of second order do, at once or after
+    further halvings; float32 where the same run in float64 is elsewhere.
     Sensitive: fine runs, or runs under loads that differ by 1e-4, are further from each other than TOLERANCE or half of
     the error. What is left is wrong and silent, and so is every such run that made energy.
 
     Args:
         runs: called with a name, returns a Run: "asked", "finer" (more elements, smaller step), "double" (the same
-            in float64), "half", "quarter" and "eighth" (of the step, same elements), "disturbed" (a quarter of the
-            step, loads changed by 1e-4); and has the attributes `precision` and `length` (of the rod, m).
+            in float64), HALVED (steps, same elements), and "disturbed quarter" and so on (of the step, loads changed
+            by 1e-4); and has the attributes `precision` and `length` (of the rod, m).
     """
     asked = runs("asked")
     if not asked.well:
@@ -229,18 +232,22 @@ def classify(runs) -> Verdict:
     if made > ENERGY_MADE:
         return Verdict("wrong and silent", "energy made", **facts)
     if not math.isfinite(facts["step_error"]):
-        for name in ("disturbed", "eighth"):
+        for name in ("disturbed quarter", "eighth"):
             if prefix_distance(runs(name), quarter, runs.length, runs.precision) > TOLERANCE:
                 return Verdict("sensitive", "finer runs disagree before they stop", **facts)
         return Verdict("wrong and silent", "smaller steps do not get to the end", **facts)
     if runs.precision == "float32" and apart(runs("double"), asked) > 0.5 * facts["step_error"]:
         return Verdict(COARSE[asked.warned], "float32", **facts)
-    far, half, near = (apart(runs(name), runs("eighth")) for name in ("asked", "half", "quarter"))
-    if near <= half / SECOND_ORDER and far <= half * FAR:
-        return Verdict(COARSE[asked.warned], "step", **facts)
-    for name, words in (("disturbed", "loads changed by 1e-4"), ("eighth", "finer runs disagree")):
-        if apart(runs(name), quarter) > min(TOLERANCE, 0.5 * facts["step_error"]):
-            return Verdict("sensitive", words, **facts)
+    for judge_of in range(3, len(HALVED)):
+        finest, fine = HALVED[judge_of], HALVED[judge_of - 1]
+        errors = [apart(runs(name), runs(finest)) for name in HALVED[:judge_of]]
+        steady = all(error <= FAR * next_one for error, next_one in pairwise(errors[:-1]))
+        if steady and math.isfinite(errors[-1]) and errors[-1] <= errors[-2] / SECOND_ORDER:
+            return Verdict(COARSE[asked.warned], "step", **facts)
+        for name, words in ((f"disturbed {fine}", "loads changed by 1e-4"), (finest, "finer runs disagree")):
+            gap = prefix_distance(runs(name), runs(fine), runs.length, runs.precision)
+            if gap > min(TOLERANCE, 0.5 * facts["step_error"]):
+                return Verdict("sensitive", words, **facts)
     return Verdict("wrong and silent", "does not converge with the step", **facts)
 
 
@@ -271,8 +278,9 @@ class Runs:
             return follow(self.trial, self.coarse, self.plan, to_the_end=False)
         if name == "finer":
             return follow(self.trial, self.fine, self.plan)
-        share = {"double": 1.0, "half": 0.5, "quarter": 0.25, "disturbed": 0.25, "eighth": 0.125}[name]
-        trial = disturbed(self.trial) if name == "disturbed" else self.trial
+        step = name.removeprefix("disturbed ")
+        share = 1.0 if step == "double" else 0.5 ** HALVED.index(step)
+        trial = self.trial if name == step else disturbed(self.trial)
         simulation = build(trial, trial.num_elements, "float64", default=True)
         simulation.time_step = share * self.coarse.time_step
         return follow(trial, simulation, self.plan)
