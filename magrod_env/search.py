@@ -31,14 +31,13 @@ LESS = 4.0  # times less conditioning in the run that judges another
 SOFTER = (64.0, 16.0, 8.0, 4.0, 2.0, 1.0)  # times the conditioning of a choice that holds, tried from the soft end
 
 # implicit steps
-STIFF = 10_000.0  # explicit steps in the slowest period: from there on, implicit ones are tried
 SHORTER = 4  # times as many implicit steps in the run that judges another
 FIRST_STEPS = 24.0  # a slowest period
 STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  # in CONTROL_TIME, to choose from
 
 # both
 FIRST_LIMIT, LIMIT_GROWTH = 1e6, 8.0  # of the cost of a pilot run, explicit elements times steps a second
-OTHERS = 2.0  # times the cost of all runs so far that other searches may cost once one has found something
+OTHERS = 3.0  # times the cost of all runs so far that other searches may cost once one has found something
 
 Setting = TypeVar("Setting")
 
@@ -64,7 +63,7 @@ def choose_resolution(
         axes: world axes of the motion.
         load: moments of the magnets across that field over EI/L.
         hanging: pilots start in equilibrium under gravity; else straight, so that gravity acts suddenly.
-        implicit: integrators that may be chosen beside the explicit one, the most exact first; tried on stiff rods.
+        implicit: integrators that may be chosen beside the explicit one, the most exact first.
 
     Raises:
         ValueError: if no resolution of the ladder is good enough.
@@ -79,7 +78,7 @@ def choose_resolution(
 
 def _race(pilots: Pilots, searches: list[_ExplicitSearch | _ImplicitSearch]) -> Resolution:
     """The cheapest of what the searches find. Until one has found something, none gets far ahead in what its runs cost;
-    then the others may spend twice as much as was spent so far, on runs that can still lead to something cheaper.
+    then the others may spend three times as much as was spent so far, on runs that can still lead to something cheaper.
     """
     waiting = [(FIRST_LIMIT, place) for place in range(len(searches))]
     found: Resolution | None = None
@@ -278,11 +277,9 @@ class _ImplicitSearch:
         return self.pilots.tips(self.resolution(self.schemes[0], num_elements, steps))
 
     def choice(self) -> Resolution | None:
-        """The cheapest resolution that a finer run confirms; None if the rod is not stiff or none is worth it."""
+        """The cheapest resolution that a finer run confirms; None if none is worth it."""
         rod = self.pilots.simulation(Resolution(num_elements=max(NUM_ELEMENTS, self.rungs[0])))
         period = 1.0 / float(rod.natural_frequencies()[0])
-        if period < STIFF * rod.time_step:
-            return None
         held = self.holding(math.ceil(FIRST_STEPS * CONTROL_TIME / period))
         return None if held is None else self.cheapest(*held)
 

@@ -169,6 +169,7 @@ class Simulation:
         self._static = StaticModel(self._values, self._batch.counts, segments, element == "nodal", scene.gravity)
         self._time = self._strongest = self._safe_field = 0.0
         self._told_of_coarse = on_failure != "raise"
+        self._chosen_for = -1.0 if tolerance is None else self.expected_field  # T
         self._weight_load = relative_load(scene, 0.0)
         self._load_per_tesla = relative_load(scene, 1.0) - self._weight_load
         self._longest_element = float(np.diff(self.arc_lengths).max()) / scene.rod.length
@@ -212,7 +213,10 @@ class Simulation:
     def coarse(self) -> bool:
         """Whether the elements may be too few for the strongest field since the reset: after sudden loads the tip may
         be off by more than a twentieth of its swing (an estimate: `resolution.elements_for`), or the element locks.
+        False where a tolerance chose the elements for such fields.
         """
+        if self._strongest <= self._chosen_for:
+            return False
         return bool(self._locking > LARGEST_LOCKING) or self._elements_needed > self.num_elements
 
     @property

@@ -181,7 +181,7 @@ def prices(report: Report, records: list[Record]) -> None:
             *("tolerance, m", "family", "implicit", "priced", "median", "90 %", "largest", "grid not cheaper"),
             *("choosing, s: median", "90 %", "largest", "choosing / running: median"),
         ),
-        note="Cost: elements times steps, where an implicit midpoint step counts as ten explicit ones. Implicit: "
+        note="Cost: elements times steps, where an implicit midpoint step counts as twenty explicit ones. Implicit: "
         "scenes that got such steps. The grid has the ladder's elements up to the choice's, and for each eight "
         "conditionings at their default steps and implicit schemes at eighteen steps; grid not cheaper: nothing in it "
         "was good enough at up to twice the cost. Running: the eight rods, 2 s.",

@@ -57,6 +57,17 @@ def test_a_stronger_field_makes_a_rod_coarse_until_the_reset():
     assert not simulation.coarse
 
 
+def test_elements_that_a_tolerance_chose_are_doubted_in_stronger_fields_only():
+    scene = load_scene("paper4_pdms_tip_magnet")
+    simulation = Simulation(scene, tolerance=3e-3, expected_field=5e-3, on_failure="report")
+    by_hand = Simulation(scene, num_elements=simulation.num_elements, on_failure="report")
+    for each in (simulation, by_hand):
+        each.advance(1e-3, field=(0.0, 0.0, 5e-3))
+    assert by_hand.coarse and not simulation.coarse
+    simulation.advance(1e-3, field=(0.0, 0.0, 40e-3))
+    assert simulation.coarse
+
+
 def test_the_papers_element_is_told_to_lock_by_the_factor_of_the_closed_form():
     simulation = Simulation(load_scene("paper4_pdms_tip_magnet"), num_elements=10, element="nodal")
     rod = simulation.scene.rod

@@ -1,18 +1,23 @@
 """A tolerance chooses elements, step and conditioning, and keeps what it promises."""
 
+from pathlib import Path
+
 import gymnasium
 import numpy as np
 import pytest
 
 from magrod_env import Simulation, load_scene, search
+from magrod_env.integrator import cost_rate
 from magrod_env.simulation import resolution_for
+from scripts import precision
 from scripts.accuracy import CASES, follow, reference
 
+STORED = np.load(Path(__file__).parent / "reference" / "reference.npz")
 FIELDS = {"free_decay": 0.0, "rotating_field": 17e-3, "gravity_rotating_field": 17e-3, "two_magnet_free_decay": 10e-3}
 
 
 def cost(simulation):
-    return simulation.num_elements / simulation.time_step
+    return cost_rate(simulation.integrator, simulation.num_elements, simulation.time_step)
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
@@ -31,10 +36,53 @@ def test_a_tighter_tolerance_costs_more():
     assert cost(loose) < cost(tight)
 
 
-def test_a_wire_is_conditioned():
-    wire = Simulation(load_scene("niti_guidewire"), tolerance=1e-3, expected_field=20e-3)
-    assert wire.resolution.axial_softening > 30.0
+WIRE = dict(tolerance=1e-3, expected_field=20e-3)
+
+
+def test_a_wire_gets_implicit_steps():
+    wire, explicit = (Simulation(load_scene("niti_guidewire"), integrator=name, **WIRE) for name in (None, "explicit"))
+    assert wire.integrator == wire.resolution.integrator != "explicit" == explicit.integrator
+    assert cost(wire) < cost(explicit)
+
+
+@pytest.mark.parametrize("options", [{"integrator": "explicit"}, {"precision": "float32"}])
+def test_a_wire_of_explicit_steps_is_conditioned(options):
+    wire = Simulation(load_scene("niti_guidewire"), **WIRE, **options)
+    assert wire.integrator == "explicit" and wire.resolution.axial_softening > 30.0
     assert wire.time_step > 10.0 * Simulation(wire.scene, num_elements=wire.num_elements).time_step
+
+
+def test_a_wire_with_internal_damping_gets_no_steps_back_in_time():
+    wire = Simulation(load_scene("niti_guidewire").replace(internal_damping=1e-5), **WIRE)
+    assert wire.integrator in ("explicit", "implicit")
+
+
+def test_implicit_steps_stay_in_a_plane():
+    """Chosen for planar motion, they are computed in space: nothing may leave the plane, not even by rounding."""
+    scene = load_scene("niti_guidewire")
+    fields = [(0.0, 0.0, 20e-3 * np.sin(0.3 * k)) for k in range(40)]
+    tips = []
+    for plane in ("xz", None):
+        wire = Simulation(scene, plane=plane, **WIRE)
+        assert wire.integrator != "explicit"
+        for field in fields:
+            wire.advance(0.02, field=field)
+        tips.append(wire.tip_position[0])
+        assert not wire.positions[..., 1].any() and not wire.velocities[..., 1].any()
+    assert np.abs(tips[0] - tips[1]).max() < 2e-3 and tips[0][2] != 0.0
+    planar = Simulation(scene, num_elements=4, integrator="implicit", plane="xz")
+    with pytest.raises(ValueError, match="field must lie in the plane 'xz'"):
+        planar.advance(0.02, field=(0.0, 1e-3, 0.0))
+    with pytest.raises(ValueError, match="velocities must keep the rod in the plane"):
+        planar.set_motion(np.ones((1, 5, 3)))
+
+
+@pytest.mark.parametrize("name, tolerance", [("niti", 1e-4), ("niti", 1e-5), ("aluminium", 1e-3), ("aluminium", 1e-4)])
+def test_stiff_rods_stay_within_the_tolerance_of_the_independent_solution(name, tolerance):
+    trial = next(each for each in precision.trials() if each.name == name)
+    simulation = Simulation(trial.scene, tolerance=tolerance, expected_field=trial.magnitude)
+    gap = precision.trace(simulation, trial) - STORED[f"{name}_tip"]
+    assert np.sqrt(np.mean(np.sum(gap**2, axis=-1))) <= tolerance
 
 
 def test_a_rod_that_no_field_moves_is_judged_by_its_swing():
