@@ -36,8 +36,7 @@ FIRST_STEPS = 24.0  # a slowest period
 STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  # in CONTROL_TIME, to choose from
 
 # both
-FIRST_LIMIT, LIMIT_GROWTH = 1e6, 8.0  # of the cost of a pilot run, explicit elements times steps a second
-OTHERS = 3.0  # times the cost of all runs so far that other searches may cost once one has found something
+FIRST_TURN, TURN_GROWTH = 2e6, 2.0  # of the cost of a search's pilot runs, explicit elements times steps a second
 
 Setting = TypeVar("Setting")
 
@@ -77,26 +76,33 @@ def choose_resolution(
 
 
 def _race(pilots: Pilots, searches: list[_ExplicitSearch | _ImplicitSearch]) -> Resolution:
-    """The cheapest of what the searches find. Until one has found something, none gets far ahead in what its runs cost;
-    then the others may spend three times as much as was spent so far, on runs that can still lead to something cheaper.
+    """The cheapest of what the searches find.
+
+    They take turns, each until its runs have cost as much as the others' and then twice that, so that none waits for
+    one that is slow. When one has found something, the others have a last turn, without runs too dear to lead to
+    something cheaper. A search that begins anew repeats no run, since all are kept.
     """
-    waiting = [(FIRST_LIMIT, place) for place in range(len(searches))]
+    waiting = [(FIRST_TURN, place) for place in range(len(searches))]
+    spent = [0.0] * len(searches)
     found: Resolution | None = None
     failure: ValueError | None = None
     while waiting:
-        limit, place = heapq.heappop(waiting)
-        pilots.limit = limit if found is None else searches[place].dearest * _cost(pilots, found)
+        turn, place = heapq.heappop(waiting)
+        pilots.limit = math.inf if found is None else searches[place].dearest * _cost(pilots, found)
+        before = pilots.spent
+        pilots.budget = before + turn - spent[place]
         try:
             one = searches[place].choice()
         except TooDear:
             if found is None:
-                heapq.heappush(waiting, (LIMIT_GROWTH * limit, place))
+                heapq.heappush(waiting, (TURN_GROWTH * turn, place))
         except ValueError as error:
             failure = error
         else:
             if one is not None and (found is None or _cost(pilots, one) < _cost(pilots, found)):
                 found = one
-            pilots.budget = min(pilots.budget, (1.0 + OTHERS) * pilots.spent)
+            waiting = [(max(each, TURN_GROWTH * pilots.spent), other) for each, other in waiting]
+        spent[place] += pilots.spent - before
     if found is None:
         raise failure or ValueError("no search was given")
     return found
