@@ -285,9 +285,14 @@ class _ImplicitSearch:
     def choice(self) -> Resolution | None:
         """The cheapest resolution that a finer run confirms; None if none is worth it."""
         rod = self.pilots.simulation(Resolution(num_elements=max(NUM_ELEMENTS, self.rungs[0])))
-        period = 1.0 / float(rod.natural_frequencies()[0])
-        held = self.holding(math.ceil(FIRST_STEPS * CONTROL_TIME / period))
+        steps = FIRST_STEPS * CONTROL_TIME * float(rod.natural_frequencies()[0])
+        held = self.holding(math.ceil(max(steps, self.least_steps(self.schemes[0]))))
         return None if held is None else self.cheapest(*held)
+
+    def least_steps(self, scheme: str) -> float:
+        """Steps in CONTROL_TIME of the longest stable step."""
+        rod = self.pilots.simulation(Resolution(num_elements=self.rungs[0], integrator=scheme))
+        return CONTROL_TIME / float(rod.stable_time_step)
 
     def holding(self, steps: int) -> tuple[int, int, np.ndarray] | None:
         """Elements and steps that a run finer in both confirms, and its tips; None where explicit steps are as long."""
@@ -299,12 +304,13 @@ class _ImplicitSearch:
                 return num_elements, steps, truth
             between = self.tips(num_elements, finer)
             in_time, in_space = self.distance(found, between), self.distance(between, truth)
-            if in_space > min(in_time, self.allowed):
-                num_elements = next((rung for rung in self.rungs if rung >= more), 0)
             if in_time >= min(in_space, self.allowed):
                 steps = finer
-            if num_elements == 0:
-                break
+            if in_space > min(in_time, self.allowed):
+                higher = [rung for rung in self.rungs if rung >= more]
+                if not higher:
+                    return None
+                num_elements = higher[0]
         return None
 
     def cheapest(self, num_elements: int, steps: int, truth: np.ndarray) -> Resolution:
@@ -312,10 +318,7 @@ class _ImplicitSearch:
         best = self.resolution(self.schemes[0], num_elements, steps)
         fewer = [rung for rung in self.rungs if rung <= num_elements]
         for scheme in self.schemes:
-            least = (
-                CONTROL_TIME
-                / self.pilots.simulation(Resolution(num_elements=num_elements, integrator=scheme)).stable_time_step
-            )
+            least = self.least_steps(scheme)
 
             def cost(rung: int, parts: int, scheme: str = scheme) -> float:
                 return _cost(self.pilots, self.resolution(scheme, rung, parts))
@@ -324,9 +327,8 @@ class _ImplicitSearch:
                 tips = self.pilots.tips(self.resolution(scheme, rung, parts))
                 return self.distance(tips, truth) <= self.allowed
 
-            found = cheapest_pair(
-                fewer, [each for each in STEPS if each >= least], cost, good, _cost(self.pilots, best)
-            )
+            short_enough = [each for each in STEPS if each >= least]
+            found = cheapest_pair(fewer, short_enough, cost, good, _cost(self.pilots, best))
             best = best if found is None else self.resolution(scheme, *found)
         error = self.distance(self.pilots.tips(best), truth) / (1.0 - UNSEEN)
         return dataclasses.replace(best, error=error)
