@@ -30,6 +30,7 @@ from magrod_env.rod.stability import angular_frequencies
 from magrod_env.rod.state import BatchState
 from magrod_env.scene import Scene
 from magrod_env.search import choose_resolution
+from magrod_env.shapes import checked_shape
 from magrod_env.values import check_plane, locking_factor, relative_load, rod_values, scene_terms, shaped
 
 ELEMENTS = ("helical", "nodal")
@@ -264,23 +265,31 @@ class Simulation:
 
     # ---- running
 
-    def reset(self, field: ArrayLike | None = None) -> None:
-        """Start again at time 0 and at rest.
+    def reset(self, field: ArrayLike | None = None, shape: tuple[ArrayLike, ArrayLike] | None = None) -> None:
+        """Start again at time 0 and at rest, by default straight along +x with no field.
 
         Args:
-            field: None lays the rods straight along +x with no field. A field (3,) or (num_rods, 3), T, puts each rod
-                into the static equilibrium that it reaches when gravity and then this field are turned on slowly.
+            field: (3,) or (num_rods, 3), T: puts each rod into the static equilibrium that it reaches when gravity and
+                then this field are turned on slowly.
+            shape: positions (num_nodes, 3) m and rotations (num_nodes, 3, 3) body to world of the nodes, or the same a
+                rod, from which the rods are released with no field; None beside a field.
 
         Raises:
-            ValueError: if the field is not finite, has another shape or leaves the plane.
+            ValueError: if the field is not finite, has another shape or leaves the plane; if the shape is none of a
+                clamped rod.
             StabilityError: if a rod buckles or snaps through on the way.
         """
+        if field is not None and shape is not None:
+            raise ValueError("shape must be None beside a field, whose equilibrium is the start, but got both.")
+        chosen = None if shape is None else self.checked_shape(shape)
         self._time = self._strongest = 0.0
         self._batch.status[:] = 0
         self._gradient[:] = 0.0
         self._batch.set_gradient(self._gradient, 0.0)
         self._set_field(np.zeros((self.num_rods, 3)) if field is None else self._checked_field(field))
-        if field is None:
+        if chosen is not None:
+            positions, quaternions = chosen
+        elif field is None:
             positions, quaternions = self._static.straight()
             positions = np.broadcast_to(positions, (self.num_rods, *positions.shape))
             quaternions = np.broadcast_to(quaternions, (self.num_rods, *quaternions.shape))
@@ -288,6 +297,13 @@ class Simulation:
             positions, quaternions = self._equilibria(self._field)
         self._state.write(positions, quaternions)
         self._batch.mark()
+
+    def checked_shape(
+        self, shape: tuple[ArrayLike, ArrayLike], num_rods: int | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and quaternions of a shape that `reset` takes, for all rods; ValueError if it takes it not."""
+        count, length = self.num_rods if num_rods is None else num_rods, self.scene.rod.length
+        return checked_shape(shape, count, self.num_elements + 1, length, self._across)
 
     def _equilibria(self, fields: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         different, index = np.unique(fields, axis=0, return_inverse=True)

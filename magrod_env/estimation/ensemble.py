@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from magrod_env.estimation.analysis import ensemble_update, exact_draws
 from magrod_env.estimation.arrivals import check_arrival, checked_duration, checked_field
 from magrod_env.estimation.measurement import SAME_TIME, Measurement, marker_arc_lengths, marker_nodes
-from magrod_env.estimation.member_filter import MemberFilter
+from magrod_env.estimation.member_filter import MemberFilter, Shape
 from magrod_env.estimation.members import Members
 from magrod_env.estimation.unknowns import DEFAULTS, Unknown
 from magrod_env.magnetics import _checks
@@ -115,18 +115,20 @@ class EnsembleFilter(MemberFilter):
 
     # ---- running
 
-    def reset(self, field: ArrayLike | None = None, mask: ArrayLike | None = None) -> None:
-        """Start again, at rest: straight, or in static equilibrium under gravity and a field.
+    def reset(self, field: ArrayLike | None = None, mask: ArrayLike | None = None, shape: Shape | None = None) -> None:
+        """Start again, at rest: straight, in static equilibrium under gravity and a field, or in a shape.
 
         Args:
             field: None, or T, (3,) or (num_rods, 3). Every member is in the equilibrium of its own parameters.
             mask: (num_rods,) bool, the rods that start again while the clock runs on; None starts all, at time 0.
+            shape: positions and rotations of the nodes, as `Simulation.reset` takes them, about which the members are
+                spread as about a straight rod; None beside a field.
 
         Raises:
             ValueError: on a wrong shape.
             StabilityError: if a rod buckles or snaps through on the way.
         """
-        fields, chosen = self._begin(field, mask)
+        fields, chosen, bent = self._begin(field, mask, shape)
         if mask is None:
             self._generator = np.random.default_rng(self.seed)
             self._times: list[float] = []
@@ -139,7 +141,10 @@ class EnsembleFilter(MemberFilter):
         values = self._prior = draws[:, : len(unknowns)] * unknowns.deviations
         parameters = members.parameters.copy()
         parameters[chosen] = values
-        strains = members.at_rest(None if fields is None else fields[chosen], parameters[chosen])
+        if bent is None:
+            strains = members.at_rest(None if fields is None else fields[chosen], parameters[chosen])
+        else:
+            strains = np.repeat(bent[chosen, None], self.num_members, axis=1)
         strains += self.tip_deviation * np.tensordot(draws[:, len(unknowns) :], bends, axes=1)
         members.parameters = parameters
         members.lay(strains, chosen)

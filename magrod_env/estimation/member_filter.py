@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from magrod_env.estimation.arrivals import checked_field, checked_mask
+from magrod_env.estimation.coordinates import strains_of
 from magrod_env.estimation.members import Members
 from magrod_env.magnetics import _checks
 from magrod_env.scene import Scene
 
+Shape = tuple[ArrayLike, ArrayLike]  # positions and rotations of the nodes, as `Simulation.reset` takes them
 MODES = {None: 4, "xy": 2, "xz": 2}  # two bending modes along each axis
 
 
@@ -52,15 +54,29 @@ class MemberFilter:
         self._time = self._last = 0.0
         self._started = np.zeros(self.num_rods)
 
-    def _begin(self, field: ArrayLike | None, mask: ArrayLike | None) -> tuple[np.ndarray | None, np.ndarray]:
-        """Check a reset's arguments and set the clocks; field (num_rods, 3) or None, and the rods that start again."""
+    def _begin(
+        self, field: ArrayLike | None, mask: ArrayLike | None, shape: Shape | None
+    ) -> tuple[np.ndarray | None, np.ndarray, np.ndarray | None]:
+        """Check a reset's arguments and set the clocks.
+
+        Returns:
+            field (num_rods, 3) or None; the rods that start again; strains (num_rods, N, 6) of the shape, or None.
+        """
         chosen = checked_mask(mask, self.num_rods)
         fields = None if field is None else checked_field(field, self.num_rods)
+        if field is not None and shape is not None:
+            raise ValueError("shape must be None beside a field, whose equilibrium is the start, but got both.")
+        bent = None if shape is None else self._bent(shape)
         if mask is None:
             self._time = self._last = 0.0
         self._started[chosen] = self._time
         self._forget()
-        return fields, chosen
+        return fields, chosen, bent
+
+    def _bent(self, shape: Shape) -> np.ndarray:
+        positions, quaternions = self.members.simulation.checked_shape(shape, self.num_rods)
+        still = np.zeros(positions.shape)
+        return strains_of(positions, quaternions, still, still, self.members.lengths)[..., :6]
 
     def _forget(self) -> None:
         self._note(

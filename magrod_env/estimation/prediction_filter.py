@@ -137,12 +137,18 @@ class PredictionFilter:
 
     # ---- the contract of an estimator
 
-    def reset(self, field: ArrayLike | None = None, mask: ArrayLike | None = None) -> None:
-        """Start again at rest at time 0, straight or in the static equilibrium of a field, as `Simulation.reset`.
+    def reset(
+        self,
+        field: ArrayLike | None = None,
+        mask: ArrayLike | None = None,
+        shape: tuple[ArrayLike, ArrayLike] | None = None,
+    ) -> None:
+        """Start again at rest at time 0: straight, in the static equilibrium of a field, or in a shape.
 
         Args:
             field: (3,) or (num_rods, 3), T, or None.
             mask: (num_rods,) bool: only those rods start again; the clock then runs on. None for all.
+            shape: positions and rotations of the nodes, as `Simulation.reset` takes them, or None.
 
         Raises:
             ValueError: on a wrong shape or field.
@@ -160,7 +166,7 @@ class PredictionFilter:
             fields = np.where(rods[:, None], fields, fields[rods][0])  # the others' may have no equilibrium
         before = state_rows(self._model)
         try:
-            self._model.reset(fields)
+            self._model.reset(fields, shape)
         except (ValueError, StabilityError):
             set_state_rows(self._model, before)
             raise

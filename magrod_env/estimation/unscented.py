@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from magrod_env.estimation.arrivals import check_arrival, checked_duration, checked_field
 from magrod_env.estimation.measurement import SAME_TIME, Measurement, marker_arc_lengths, marker_nodes
-from magrod_env.estimation.member_filter import MemberFilter
+from magrod_env.estimation.member_filter import MemberFilter, Shape
 from magrod_env.estimation.members import Members, Rest
 from magrod_env.estimation.modes import slow_modes
 from magrod_env.estimation.unknowns import DEFAULTS, Unknown, Unknowns
@@ -121,20 +121,22 @@ class UnscentedFilter(MemberFilter):
 
     # ---- running
 
-    def reset(self, field: ArrayLike | None = None, mask: ArrayLike | None = None) -> None:
-        """Start again, at rest: straight, or in static equilibrium under gravity and a field.
+    def reset(self, field: ArrayLike | None = None, mask: ArrayLike | None = None, shape: Shape | None = None) -> None:
+        """Start again, at rest: straight, in static equilibrium under gravity and a field, or in a shape.
 
         Args:
             field: None, or T, (3,) or (num_rods, 3).
             mask: (num_rods,) bool, the rods that start again while the clock runs on; None starts all, at time 0.
+            shape: positions and rotations of the nodes, as `Simulation.reset` takes them, about which the members are
+                spread as about a straight rod; None beside a field.
 
         Raises:
             ValueError: on a wrong shape.
             StabilityError: if a rod buckles or snaps through on the way.
         """
-        fields, chosen = self._begin(field, mask)
+        fields, chosen, bent = self._begin(field, mask, shape)
         before: Stage | None = None if mask is None else self._stages[-1]
-        mean, covariance, rest = self._prior(fields)
+        mean, covariance, rest = self._prior(fields, bent)
         if before is not None:
             mean[~chosen], covariance[~chosen] = before.mean[~chosen], before.covariance[~chosen]
             rest.strains[~chosen], rest.motion[~chosen] = before.rest.strains[~chosen], before.rest.motion[~chosen]
@@ -145,7 +147,7 @@ class UnscentedFilter(MemberFilter):
             self._stages[-1] = now
         self._place(now)
 
-    def _prior(self, fields: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, Rest]:
+    def _prior(self, fields: np.ndarray | None, bent: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, Rest]:
         """Mean, covariance and rest of rods at rest, from sigma points of the parameters and of the tip's place."""
         members, unknowns = self.members, self.members.unknowns
         bends, count = members.bends(), len(members.unknowns)
@@ -153,7 +155,8 @@ class UnscentedFilter(MemberFilter):
         deviations = np.concatenate([unknowns.deviations, np.full(len(bends), self.tip_deviation)])
         points = sigma_points(np.zeros(size), np.diag(deviations**2), self.spread)
         values = np.tile(points[:, :count], (self.num_rods, 1, 1))
-        strains = members.at_rest(fields, values) + np.tensordot(points[:, count:], bends, axes=1)
+        rest = members.at_rest(fields, values) if bent is None else bent[:, None]
+        strains = rest + np.tensordot(points[:, count:], bends, axes=1)
         shapes = members.slow.dual
         amplitudes = (strains.reshape(*strains.shape[:2], -1) - np.tile(np.eye(6)[3], members.num_elements)) @ shapes.T
         still = np.zeros((*amplitudes.shape[:2], len(members.slow.rates)))

@@ -19,7 +19,6 @@ from magrod_env.estimation import (
     Unknown,
     UnscentedFilter,
 )
-from magrod_env.estimation.coordinates import strains_of
 from magrod_env.estimation.measurement import marker_nodes
 from scripts.estimation.twins import NOISE, Case, Twin, model_start
 
@@ -122,24 +121,9 @@ def build(case: Case, way: str, num_rods: int, options: Mapping[str, Any], known
     elif case.number in STILL:
         estimator.reset(None if case.number == 3 else model_start(case).field[0])
     else:
-        shift(estimator, model_start(case, settings["num_elements"]))
+        model = model_start(case, settings["num_elements"])
+        estimator.reset(shape=(model.positions[0], model.rotations[0]))
     return estimator
-
-
-def shift(estimator: Any, model: Simulation) -> None:
-    """Let a filter that was just reset start around the shape of a simulation of its model, at rest."""
-    if isinstance(estimator, PredictionFilter):
-        ones = np.ones((estimator.num_rods, 1, 1))
-        estimator._model._state.write(ones * model.positions, ones * model._state.quaternions)
-        estimator._model._batch.mark()
-        return
-    members, still = estimator.members, np.zeros_like(model.positions)
-    bent = strains_of(model.positions, model._state.quaternions, still, still, members.lengths)[..., :6]
-    strains = members.strains()[..., :6] + bent - members._straight.reshape(-1, 6)
-    members.lay(strains.reshape(*members.shape, -1, 6), np.ones(estimator.num_rods, bool))
-    estimator._times.clear()
-    estimator._tracks = estimator._tracks[:0]
-    estimator._remember()
 
 
 @dataclass(frozen=True)
