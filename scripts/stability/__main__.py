@@ -51,12 +51,13 @@ with it, do not measure energy with it.
 
 **Extreme scenes.** Each random scene runs once as a user would run it and is then held against finer runs.
 *Correct*: within 5 % of its swing. *Coarse*: finer runs agree with one another and this one does not; the same
-elements at a quarter of the step agree, so it is resolution that lacks. *Warned*: the simulation said so itself, by
+elements at a quarter of the step agree, so that it lacks elements, or its errors fall with the step as those of second
+order do. *Warned*: the simulation said so itself, by
 a `CoarseWarning`, an estimate before the run that compares the elements with the length over which the loads bend
 the rod; *silent*: it missed that. *Reported*: a status or a refusal, with advice. *Sensitive*: finer runs, or runs
 with loads changed by 1e-4, disagree among themselves. *Wrong and silent* must be zero. The truth here is this same
-code run finer;
-independent truths are in [accuracy](accuracy.md).
+code run finer; independent truths are in [accuracy](accuracy.md). Scenes are kept as they are done (`--resume`): this
+table gathers several runs, between which the code under test did not change.
 """
 
 FIGURES = {"straight_bounds": "bound", "long": "long", "extreme_kinds": "extreme", "stiff": "stiff"}
