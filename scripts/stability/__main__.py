@@ -118,7 +118,11 @@ def main() -> None:
         return
     report = measure(args)
     if args.page is not None:
-        shown = {} if args.figures is None else {key: args.figures / f"{name}.png" for key, name in FIGURES.items()}
+        shown = (
+            {}
+            if args.figures is None
+            else {key: args.figures / f"stability_{name}.png" for key, name in FIGURES.items()}
+        )
         report.write_page(args.page, PAGE, {key: path for key, path in shown.items() if path.exists()})
     sys.exit(0 if report.finish(args.json) else 1)
 

@@ -18,8 +18,9 @@ COLOURS = dict(zip(ENDINGS, ("#2a9d8f", "#e9c46a", "#457b9d", "#9d8ec7", "#f4732
 
 def _save(figure, folder: Path, name: str) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(folder / f"{name}.png", dpi=130, bbox_inches="tight")
-    print(f"- figure: {folder / f'{name}.png'}")
+    path = folder / f"stability_{name}.png"
+    figure.savefig(path, dpi=130, bbox_inches="tight")
+    print(f"- figure: {path}")
 
 
 def draw_bound(report: Report, folder: Path) -> None:
