@@ -114,11 +114,12 @@ def draw_stiff(report: Report, folder: Path) -> None:
     for task in dict.fromkeys(row[0] for row in rows):
         some = [row for row in rows if row[0] == task]
         (line,) = axis.plot([row[4] for row in some[:4]], [row[5] for row in some[:4]], "o-", label=task)
-        for row in some[4:]:
-            axis.plot(row[4], row[5], "*", color=line.get_color(), markersize=12)
+        for row, marker in zip(some[4:], "*sD"):
+            axis.plot(row[4], row[5], marker, color=line.get_color(), markersize=12 if marker == "*" else 6)
     axis.axvline(1.0, color="grey", linewidth=0.8)
     axis.set(xscale="log", yscale="log", xlabel="simulated / run time", ylabel="tip RMS, mm")
-    axis.set_title("dots: EA/1, 10, 100, 1000 from the left; stars: tolerance 0.1 mm", fontsize=9)
+    words = "dots: EA/1, 10, 100, 1000 from the left; stars: tolerance 0.1 mm; squares, diamonds: implicit, order 2, 4"
+    axis.set_title(words, fontsize=7)
     axis.legend(fontsize=7)
     _save(figure, folder, "stiff")
     plt.close(figure)
