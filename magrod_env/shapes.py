@@ -68,8 +68,9 @@ def _checked_array(name: str, value: Any, num_rods: int, each: tuple[int, ...]) 
 
 
 def _quaternions(rotations: np.ndarray) -> np.ndarray:
-    """Unit quaternions (..., nodes, 4), scalar first, of rotation matrices (..., nodes, 3, 3), of signs that do not jump
-    along the rod, from a first that is 1.
+    """Unit quaternions (..., nodes, 4), scalar first, of rotation matrices (..., nodes, 3, 3).
+
+    Signs do not jump along the rod, from a first that is 1.
 
     Four times the products of the quaternion's entries stand in a symmetric matrix that is linear in the rotation
     (Shepperd 1978); its row of the largest diagonal entry is the quaternion but for a factor.

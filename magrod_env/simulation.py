@@ -77,7 +77,7 @@ class Simulation:
         element: "helical" (default: exact for uniform strain) or "nodal" (the paper's, which locks in shear).
         time_step: s; None takes 0.4 of the bound in a sudden `expected_field`, straight or sagging under twice gravity.
         tolerance: RMS error of the tip, m, over two seconds from the straight rod in fields up to `expected_field` that
-            change smoothly or in small steps. Pilot runs of the scene (0.2 s to some 10 s, once a process) then choose
+            change smoothly or in small steps. Pilot runs of the scene (a second to minutes, once a process) then choose
             `num_elements`, `time_step`, `axial_softening`, `rotary_scaling` and, unless it is given, `integrator`; see
             `resolution`.
         expected_field: magnitude, T, of the strongest field that is likely.
