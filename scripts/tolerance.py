@@ -36,6 +36,9 @@ too dear by explicit steps without conditioning, another integrator.
 The price is the cost of the choice over that of the best setting of a grid, found with the truth at hand. A choice must
 hold for eight loads of which some are harsher than the fields of a scene (they swing against the dipoles, where the rod
 is limp); that, and control steps of 10 ms in the pilots, is most of the price.
+
+Results are kept as they are measured (`--resume`): this page gathers several processes of a day, at commits between
+which the choice did not change; the machine had other work meanwhile, which the times of choosing show.
 """
 FOLLOWED = 0.1  # a tolerance is not tried where the reference at ten times the tolerance took this share of the budget
 QUANTILES = (0.1, 0.5, 0.9, 0.95, 1.0)
