@@ -244,9 +244,9 @@ class _ExplicitSearch:
         best = cheapest_pair(
             [rung for rung in self.rungs if rung <= num_elements],
             [_eased(chosen, factor) for factor in SOFTER],
-            lambda rung, softer: rung / self.default_step(rung, softer),
+            lambda rung, softer: _cost(self.pilots, _explicit(rung, softer)),
             lambda rung, softer: self.distance(self.tips(rung, softer), truth) <= self.allowed,
-            num_elements / self.default_step(num_elements, chosen),
+            _cost(self.pilots, _explicit(num_elements, chosen)),
         ) or (num_elements, chosen)
         error = self.distance(self.tips(*best), truth) / (1.0 - UNSEEN)
         return dataclasses.replace(_explicit(*best), time_step=self.default_step(*best), error=error)

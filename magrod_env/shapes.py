@@ -5,6 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+Shape = tuple[ArrayLike, ArrayLike]
+"""Positions (num_nodes, 3) m and rotations (num_nodes, 3, 3), body to world, of the nodes; or the same a rod."""
 
 SKEWED = 1e-6  # largest departure of a rotation from an orthogonal matrix, and of the clamp from its place, in lengths
 
@@ -54,7 +58,15 @@ def checked_shape(
                 f"shape must lie in the plane of the motion, but leaves it by {out:.3g} of the length: use plane=None."
             )
         positions[..., across] = 0.0
-    return positions, _quaternions(rotations)
+    return positions, _quaternions(rotations, across)
+
+
+def check_one_start(field: Any, shape: Any) -> None:
+    """Refuse a start in a shape beside one in the equilibrium of a field."""
+    if field is not None and shape is not None:
+        raise ValueError(
+            "shape must be None beside a field, whose equilibrium is the start, but got both: leave one out."
+        )
 
 
 def _checked_array(name: str, value: Any, num_rods: int, each: tuple[int, ...]) -> np.ndarray:
@@ -67,10 +79,10 @@ def _checked_array(name: str, value: Any, num_rods: int, each: tuple[int, ...]) 
     return np.array(np.broadcast_to(array, (num_rods, *each)))
 
 
-def _quaternions(rotations: np.ndarray) -> np.ndarray:
+def _quaternions(rotations: np.ndarray, across: int | None) -> np.ndarray:
     """Unit quaternions (..., nodes, 4), scalar first, of rotation matrices (..., nodes, 3, 3).
 
-    Signs do not jump along the rod, from a first that is 1.
+    Signs do not jump along the rod, from a first that is 1. In a plane, they turn about the axis across it alone.
 
     Four times the products of the quaternion's entries stand in a symmetric matrix that is linear in the rotation
     (Shepperd 1978); its row of the largest diagonal entry is the quaternion but for a factor.
@@ -87,6 +99,8 @@ def _quaternions(rotations: np.ndarray) -> np.ndarray:
     products = np.moveaxis(products, (0, 1), (-2, -1))
     largest = np.argmax(np.diagonal(products, axis1=-2, axis2=-1), axis=-1)
     rows = np.take_along_axis(products, largest[..., None, None], axis=-2)[..., 0, :]
+    if across is not None:
+        rows[..., [1 + axis for axis in range(3) if axis != across]] = 0.0
     rows = rows / np.linalg.norm(rows, axis=-1, keepdims=True)
     rows[..., 0, :] *= np.where(rows[..., 0, :1] < 0.0, -1.0, 1.0)
     jumps = (rows[..., 1:, :] * rows[..., :-1, :]).sum(axis=-1) < 0.0

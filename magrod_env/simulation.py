@@ -30,8 +30,8 @@ from magrod_env.rod.stability import angular_frequencies
 from magrod_env.rod.state import BatchState
 from magrod_env.scene import Scene
 from magrod_env.search import choose_resolution
-from magrod_env.shapes import checked_shape
-from magrod_env.values import check_plane, locking_factor, relative_load, rod_values, scene_terms, shaped
+from magrod_env.shapes import Shape, check_one_start, checked_shape
+from magrod_env.values import axis_across, check_plane, locking_factor, relative_load, rod_values, scene_terms, shaped
 
 ELEMENTS = ("helical", "nodal")
 PRECISIONS = ("float64", "float32")
@@ -132,7 +132,7 @@ class Simulation:
             )
         self.scene, self.num_rods, self.element = scene, num_rods, element
         self.precision, self.plane, self.on_failure = precision, plane, on_failure
-        self._across = None if plane is None else 3 - sum(PLANE_AXES[plane])
+        self._across = axis_across(plane)
         self.expected_field = checked_expected_field(expected_field)
         resolution = checked_resolution(num_elements, time_step, axial_softening, rotary_scaling, tolerance)
         if tolerance is not None:
@@ -265,7 +265,7 @@ class Simulation:
 
     # ---- running
 
-    def reset(self, field: ArrayLike | None = None, shape: tuple[ArrayLike, ArrayLike] | None = None) -> None:
+    def reset(self, field: ArrayLike | None = None, shape: Shape | None = None) -> None:
         """Start again at time 0 and at rest, by default straight along +x with no field.
 
         Args:
@@ -279,9 +279,10 @@ class Simulation:
                 clamped rod.
             StabilityError: if a rod buckles or snaps through on the way.
         """
-        if field is not None and shape is not None:
-            raise ValueError("shape must be None beside a field, whose equilibrium is the start, but got both.")
-        chosen = None if shape is None else self.checked_shape(shape)
+        check_one_start(field, shape)
+        chosen = None
+        if shape is not None:
+            chosen = checked_shape(shape, self.num_rods, self.num_elements + 1, self.scene.rod.length, self._across)
         self._time = self._strongest = 0.0
         self._batch.status[:] = 0
         self._gradient[:] = 0.0
@@ -297,13 +298,6 @@ class Simulation:
             positions, quaternions = self._equilibria(self._field)
         self._state.write(positions, quaternions)
         self._batch.mark()
-
-    def checked_shape(
-        self, shape: tuple[ArrayLike, ArrayLike], num_rods: int | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and quaternions of a shape that `reset` takes, for all rods; ValueError if it takes it not."""
-        count, length = self.num_rods if num_rods is None else num_rods, self.scene.rod.length
-        return checked_shape(shape, count, self.num_elements + 1, length, self._across)
 
     def _equilibria(self, fields: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         different, index = np.unique(fields, axis=0, return_inverse=True)

@@ -61,13 +61,18 @@ def locking_factor(values: RodValues, num_elements: int) -> float:
     return 1.0 + values.shear * h**2 / (4.0 * values.bending)
 
 
+def axis_across(plane: str | None) -> int | None:
+    """World axis across a plane of motion; None in space."""
+    return None if plane is None else ({0, 1, 2} - set(PLANE_AXES[plane])).pop()
+
+
 def check_plane(scene: Scene, plane: str | None) -> None:
     """Refuse a scene whose loads leave the plane."""
-    if plane is None:
-        return
-    if plane not in ("xy", "xz"):
+    if plane not in tuple(PLANE_AXES):  # anything may come, hashable or not
         raise ValueError(f'plane must be "xy", "xz" or None for motion in space, but got {plane!r}: choose one.')
-    across = ({0, 1, 2} - set(PLANE_AXES[plane])).pop()
+    across = axis_across(plane)
+    if across is None:
+        return
     for what, vector in [("gravity", scene.gravity or (0, 0, 0))] + [
         ("direction of a magnet", magnet.direction) for magnet in scene.magnets
     ]:

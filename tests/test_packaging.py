@@ -33,7 +33,7 @@ MAY_IMPORT = {
     "pilots": {"integrator", "resolution"},
     "search": {"integrator", "pilots", "resolution"},
     "simulation": {*SCENES, "values", "integrator", "resolution", "search", "shapes"},
-    "estimation": {*SCENES, "values", "simulation"},
+    "estimation": {*SCENES, "values", "shapes", "simulation"},
     "envs": {*SCENES, "values", "resolution", "simulation", "estimation", "rendering"},
     "rendering": set(),
     "registration": set(),

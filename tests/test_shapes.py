@@ -92,6 +92,16 @@ def test_a_shape_across_the_plane_or_beside_a_field_is_refused():
         Simulation(SCENE, num_elements=4).reset(field=(0.0, 0.0, 0.0), shape=(POSITIONS, ROTATIONS))
 
 
+def test_a_shape_in_a_plane_but_for_rounding_stays_in_it_by_implicit_steps_too():
+    positions, rotations = arc(1.0, 5, (0.0, 1.0, 0.0))
+    off = Rotation.from_rotvec((1e-9, 0.0, 1e-9)).as_matrix()
+    rotations[1:] = rotations[1:] @ off
+    simulation = Simulation(SCENE, num_elements=4, plane="xz", integrator="implicit")
+    simulation.reset(shape=(positions + (0.0, 1e-12, 0.0), rotations))
+    simulation.advance(0.1)
+    assert not simulation.positions[..., 1].any() and not simulation.rotations[..., 1, [0, 2]].any()
+
+
 # ---- filters
 
 BENT = Simulation(load_scene("paper4_pdms_tip_magnet"), num_elements=4)

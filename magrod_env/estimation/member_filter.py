@@ -12,8 +12,9 @@ from magrod_env.estimation.coordinates import strains_of
 from magrod_env.estimation.members import Members
 from magrod_env.magnetics import _checks
 from magrod_env.scene import Scene
+from magrod_env.shapes import Shape, check_one_start, checked_shape
+from magrod_env.values import axis_across
 
-Shape = tuple[ArrayLike, ArrayLike]  # positions and rotations of the nodes, as `Simulation.reset` takes them
 MODES = {None: 4, "xy": 2, "xz": 2}  # two bending modes along each axis
 
 
@@ -64,8 +65,7 @@ class MemberFilter:
         """
         chosen = checked_mask(mask, self.num_rods)
         fields = None if field is None else checked_field(field, self.num_rods)
-        if field is not None and shape is not None:
-            raise ValueError("shape must be None beside a field, whose equilibrium is the start, but got both.")
+        check_one_start(field, shape)
         bent = None if shape is None else self._bent(shape)
         if mask is None:
             self._time = self._last = 0.0
@@ -74,7 +74,10 @@ class MemberFilter:
         return fields, chosen, bent
 
     def _bent(self, shape: Shape) -> np.ndarray:
-        positions, quaternions = self.members.simulation.checked_shape(shape, self.num_rods)
+        model = self.members.simulation
+        positions, quaternions = checked_shape(
+            shape, self.num_rods, model.num_elements + 1, self.scene.rod.length, axis_across(model.plane)
+        )
         still = np.zeros(positions.shape)
         return strains_of(positions, quaternions, still, still, self.members.lengths)[..., :6]
 

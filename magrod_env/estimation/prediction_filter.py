@@ -16,6 +16,7 @@ from magrod_env.magnetics import _checks
 from magrod_env.rod.batch import PLANE_AXES
 from magrod_env.rod.energy import ENERGETIC
 from magrod_env.scene import Scene
+from magrod_env.shapes import Shape
 from magrod_env.simulation import EXPECTED_FIELD, Simulation, SimulationDiverged, StabilityError
 
 LAWS = ("replay", "extrapolated")
@@ -137,12 +138,7 @@ class PredictionFilter:
 
     # ---- the contract of an estimator
 
-    def reset(
-        self,
-        field: ArrayLike | None = None,
-        mask: ArrayLike | None = None,
-        shape: tuple[ArrayLike, ArrayLike] | None = None,
-    ) -> None:
+    def reset(self, field: ArrayLike | None = None, mask: ArrayLike | None = None, shape: Shape | None = None) -> None:
         """Start again at rest at time 0: straight, in the static equilibrium of a field, or in a shape.
 
         Args:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from magrod_env.rod.batch import PLANE_AXES, RodBatch
+from magrod_env.rod.batch import RodBatch
 from magrod_env.rod.layout import LEAST_COSINE
 
 
@@ -11,11 +11,6 @@ class BatchState:
 
     def __init__(self, batch: RodBatch) -> None:
         self.batch, self.rows, self.plane = batch, batch.node_rows, batch.plane
-
-    @property
-    def across(self) -> int | None:
-        """World axis across the plane of planar motion."""
-        return None if self.plane is None else ({0, 1, 2} - set(PLANE_AXES[self.plane])).pop()
 
     @property
     def positions(self) -> np.ndarray:
