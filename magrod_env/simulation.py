@@ -193,14 +193,14 @@ class Simulation:
         """
         if self.integrator != "explicit":
             return largest_step(self.integrator, self.scene.drag_rate, self._spin_drag_rate)
-        return self._static.stable_time_step(field_magnitude, self.plane, self.scene.internal_damping or 0.0)
+        return self._static.stable_time_step(field_magnitude, self.plane)
 
     def _checked_step(self, time_step: float | None) -> float:
         if time_step is None and self.integrator != "explicit":
             return working_step(self.integrator, float(self.natural_frequencies()[0]), self.stable_time_step)
         if time_step is None:
             return SAFETY * self._static.working_time_step(
-                self.expected_field if self.scene.magnets else 0.0, self.plane, self.scene.internal_damping or 0.0
+                self.expected_field if self.scene.magnets else 0.0, self.plane
             )
         step = _checks.number("time_step", time_step, above=0.0, advice="give it in seconds, or None for a stable one")
         if step > self.stable_time_step:

@@ -128,13 +128,12 @@ class SteeringCore:
             )
         segments = [self.scene.segment_ends.index(magnet.position) for magnet in self.scene.magnets]
         model = StaticModel(worst, self.batch.counts, segments, False, self.scene.gravity)
-        damping = self.scene.internal_damping or 0.0
         strongest = float(np.linalg.norm(self.coils.limit)) * (1.0 + spread.field_gain)
         if time_step is None:
-            step = SAFETY * model.working_time_step(strongest, self.plane, damping)
+            step = SAFETY * model.working_time_step(strongest, self.plane)
         else:
             step = _checks.number("time_step", time_step, above=0.0, advice="give it in seconds")
-            bound = model.stable_time_step(strongest, self.plane, damping)
+            bound = model.stable_time_step(strongest, self.plane)
             if step > bound:
                 raise ValueError(
                     f"time_step must be at most {bound:.3g} s, the stability bound in the coils' strongest field, "

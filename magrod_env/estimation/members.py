@@ -13,7 +13,7 @@ from magrod_env.estimation.equilibria import find_shapes
 from magrod_env.estimation.modes import slow_modes
 from magrod_env.estimation.unknowns import Unknown, Unknowns
 from magrod_env.rod.batch import PLANE_AXES
-from magrod_env.rod.layout import AXIAL, BENDING, DRAG, ELEMENT_ROWS, GRAVITY, LENGTH, SHEAR, TORSION
+from magrod_env.rod.layout import AXIAL, BENDING, DRAG, ELEMENT_ROWS, GRAVITY, LENGTH, SHEAR, TILT, TORSION
 from magrod_env.scene import Scene
 from magrod_env.simulation import Simulation, SimulationDiverged, StabilityError
 
@@ -65,7 +65,7 @@ class Members:
         self.gravity = np.array(loaded.gravity)
         batch = self.simulation._batch
         self.lengths = batch.gather(batch.layout.elements, ELEMENT_ROWS * self.num_elements)[0, LENGTH::ELEMENT_ROWS]
-        kinds = np.array([AXIAL, SHEAR, BENDING, TORSION])
+        kinds = np.array([AXIAL, SHEAR, BENDING, TORSION, TILT])
         elements = batch.layout.elements + ELEMENT_ROWS * np.arange(self.num_elements)
         self._stiff_rows = (elements[:, None] + kinds).ravel()
         self._stiffness = batch.rows[0, self._stiff_rows, 0].copy()
@@ -97,8 +97,7 @@ class Members:
     def parameters(self, values: np.ndarray) -> None:
         """Write what follows from the parameters into the lanes; masses and inertia stay.
 
-        Every stiffness of an element is proportional to E, the corrected shear stiffness 1/(1/GA + h^2/(12 EI)) too.
-        Factors are kept in their bounds (`Unknowns.bounded`).
+        Every stiffness of an element is proportional to E. Factors are kept in their bounds (`Unknowns.bounded`).
         """
         values = self.unknowns.bounded(values)
         self._parameters, batch = values, self.simulation._batch
@@ -197,30 +196,18 @@ class Members:
         every, simulation = self.strains()[..., :6], self.simulation
         motion = np.concatenate([simulation.velocities[:, 1:], simulation.angular_velocities[:, 1:]], axis=-1)
         lanes = np.repeat(chosen, self.shape[1])
-        self._forget(lanes)
         self.failed[chosen] = False
         every[lanes], motion[lanes] = strains.reshape(-1, self.num_elements, 6), 0.0
         self._write(every, motion)
 
-    def _forget(self, lanes: np.ndarray) -> None:
-        """Clear what the integrator remembers of the last step of some lanes, (num_rods * num_members,) bool."""
-        batch = self.simulation._batch
-        blocks, _, width = batch.rows.shape
-        which = np.zeros(blocks * width, bool)
-        which[: len(lanes)] = lanes
-        history = batch.rows[:, batch.layout.history :]
-        history[...] = np.where(which.reshape(blocks, 1, width), 0.0, history)
-
     def _write(self, strains: np.ndarray, motion: np.ndarray) -> None:
-        batch, simulation = self.simulation._batch, self.simulation
-        history = batch.rows[:, batch.layout.history :].copy()
+        simulation = self.simulation
         positions, quaternions, velocities, momenta = nodes_of(
             np.concatenate([strains, 0.0 * strains], -1), self.lengths
         )
         velocities[:, 1:] = motion[..., :3]
         momenta[:, 1:] = motion[..., 3:] / self._spin_scale
         simulation._state.write(positions, quaternions, velocities, momenta)
-        batch.rows[:, batch.layout.history :] = history
 
     def at_rest(self, field: np.ndarray | None, values: np.ndarray) -> np.ndarray:
         """Strains (num_rods, K, N, 6) of rods with parameters (num_rods, K, P), straight or in equilibrium.

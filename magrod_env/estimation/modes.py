@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from magrod_env.estimation.coordinates import nodes_of
-from magrod_env.rod.layout import AXIAL, BENDING, ELEMENT_ROWS, LENGTH, SHEAR, TORSION
+from magrod_env.rod.layout import AXIAL, BENDING, ELEMENT_ROWS, LENGTH, SHEAR, TILT, TORSION
 from magrod_env.rod.stability import ACTIVE
 from magrod_env.simulation import Simulation
 
@@ -69,7 +69,8 @@ def slow_modes(simulation: Simulation, num_modes: int) -> SlowModes:
     rows = static._block.reshape(-1, len(static.terms.lanes))[:, 0]
     first = static.layout.elements + ELEMENT_ROWS * np.arange(elements)
     lengths, torsion, bending = rows[first + LENGTH], rows[first + TORSION], rows[first + BENDING]
-    axial, shear = rows[first + AXIAL] * lengths, rows[first + SHEAR] * lengths
+    axial = rows[first + AXIAL] * lengths
+    shear = lengths / (1.0 / rows[first + SHEAR] + 1.0 / rows[first + TILT])  # of the straight element
     weights = np.sqrt(np.stack([torsion, bending, bending, axial, shear, shear], axis=1).ravel())
 
     def strained(columns: np.ndarray) -> np.ndarray:

@@ -130,7 +130,6 @@ class RodBatch:
         self.blocks = make_blocks(self.num_rods, self.layout, self.terms, self.dtype)
         self.rows = rows_of(self.blocks, self.width)
         self.rows[:, : self.layout.node_damping] = state[:, : before.node_damping]
-        self.rows[:, self.layout.history :] = state[:, before.history :]
 
     def set_node_damping(self, damping) -> None:
         """Set the damping K of every node (num_rods, num_nodes, 3), kg/s, world axes: a force -K_k v_k along each."""

@@ -3,8 +3,8 @@
 import numpy as np
 
 from magrod_env._jit import inline_jit, jit
-from magrod_env._simd import constant, load, maximum, store
-from magrod_env.rod.helical import helical_strain
+from magrod_env._simd import constant, load, maximum, square_root, store
+from magrod_env.rod.helical import helical_energy, helical_strain
 from magrod_env.rod.layout import (
     AXIAL,
     BENDING,
@@ -19,9 +19,15 @@ from magrod_env.rod.layout import (
     SPATIAL,
     TORSION,
 )
-from magrod_env.rod.loads import load2, load3, load_motion, load_pose, local_field, node_row
+from magrod_env.rod.loads import load2, load3, load_motion, load_pose, local_field, node_row, section_stiffness
 from magrod_env.rod.nodal import nodal_strain
-from magrod_env.rod.planar import planar_helical_strain, planar_matrix, planar_nodal_strain, planar_rotate
+from magrod_env.rod.planar import (
+    planar_helical_energy,
+    planar_helical_strain,
+    planar_matrix,
+    planar_nodal_strain,
+    planar_rotate,
+)
 from magrod_env.rod.so3 import dot, matrix, rotate
 
 KINETIC, ELASTIC, GRAVITATIONAL, MAGNETIC, STRAIN = range(5)  # rows of what ``measure_blocks`` returns
@@ -40,25 +46,27 @@ def stretch_energy(gamma, axial, shear, planar):
 
 @inline_jit
 def element_energy(block, layout, element, pose_a, pose_b, lanes, planar, nodal):
-    """Elastic energy (J) of one element and the square of its axial strain.
+    """Elastic energy (J) of one element and the square of its strain.
 
-    Shear does not count as strain: the helical element's holds the residual bending, the nodal element's half of the
-    bend.
+    That is the stretch of its chord or, of the helical element, the shear if it is larger; the nodal element's shear
+    holds half of its bend.
     """
     row = layout.elements + ELEMENT_ROWS * element
     length, inverse_length = load(block, row + LENGTH, lanes), load(block, row + INVERSE_LENGTH, lanes)
-    axial, shear = load(block, row + AXIAL, lanes), load(block, row + SHEAR, lanes)
-    bending = load(block, row + BENDING, lanes)
     if nodal is None:
+        stiffness = section_stiffness(block, row, lanes, planar)
         if planar is None:
             gamma, phi, geometry = helical_strain(pose_a, pose_b, inverse_length)
-            torsion = load(block, row + TORSION, lanes)
-            bend = torsion * phi[0] * phi[0] + bending * (phi[1] * phi[1] + phi[2] * phi[2])
+            energy = helical_energy(gamma, phi, length, inverse_length, stiffness)
+            across = gamma[1] * gamma[1] + gamma[2] * gamma[2]
         else:
             gamma, phi, geometry = planar_helical_strain(pose_a, pose_b, inverse_length)
-            bend = bending * phi * phi
-        along = gamma[0] - 1.0
-        return 0.5 * (length * stretch_energy(gamma, axial, shear, planar) + bend), along * along
+            energy = planar_helical_energy(gamma, phi, length, stiffness)
+            across = gamma[1] * gamma[1]
+        along = square_root(gamma[0] * gamma[0] + across) - 1.0
+        return energy, maximum(along * along, across)
+    axial, shear = load(block, row + AXIAL, lanes), load(block, row + SHEAR, lanes)
+    bending = load(block, row + BENDING, lanes)
     if planar is None:
         gamma_a, gamma_b, g, frames = nodal_strain(pose_a, pose_b, inverse_length)
         torsion = load(block, row + TORSION, lanes)
@@ -67,7 +75,10 @@ def element_energy(block, layout, element, pose_a, pose_b, lanes, planar, nodal)
         gamma_a, gamma_b, g, frames = planar_nodal_strain(pose_a, pose_b, inverse_length)
         bend = 4.0 * bending * g * g
     stretch = stretch_energy(gamma_a, axial, shear, planar) + stretch_energy(gamma_b, axial, shear, planar)
-    along = 0.5 * (gamma_a[0] + gamma_b[0]) - 1.0
+    square = gamma_a[0] * gamma_a[0] + gamma_a[1] * gamma_a[1]
+    if planar is None:
+        square = square + gamma_a[2] * gamma_a[2]
+    along = square_root(square) - 1.0
     return 0.5 * (0.5 * length * stretch + bend), along * along
 
 
@@ -136,10 +147,10 @@ def measure_blocks(blocks, first, last, layout, terms, out):
 def watch_blocks(blocks, first, last, layout, terms, measures, travel, status):
     """Look at every rod of some blocks: status codes into ``status`` (num_rods,), 0 where all is well.
 
-    NOT_FINITE: a NaN or an infinity. BENT: one element has turned by pi or more. STRETCHED: an element's axial
-    strain passed one half. ENERGETIC: the energy rose by more than the field can have put in, |m| times the sum of
-    the field's changes ``travel`` (num_rods,) T, plus a tenth of itself: the mark of a finite but unstable run. It
-    is counted from the least energy so far, so that many small rises add up. Once set, a status stays. ``measures``
+    NOT_FINITE: a NaN or an infinity. BENT: one element has turned by pi or more. STRETCHED: an element's stretch,
+    squeeze or shear passed one half. ENERGETIC: the energy rose by more than the field can have put in, |m| times the
+    sum of the field's changes ``travel`` (num_rods,) T, plus a tenth of itself: the mark of a finite but unstable run.
+    It is counted from the least energy so far, so that many small rises add up. Once set, a status stays. ``measures``
     (num_blocks, 5 * L) is filled by ``measure_blocks``.
     """
     lanes = len(terms.lanes)

@@ -110,21 +110,29 @@ class StaticModel:
         present = PRESENT if case.gradient.any() else None
         return stability.linearise(block, self.layout, self.terms, present, case.positions, case.quaternions)
 
-    def stable_time_step(self, field_magnitude: float, plane: str | None, damping: float) -> float:
+    def stable_time_step(self, field_magnitude: float, plane: str | None, pull: float = 0.0) -> float:
         """See ``stability.stable_time_step``."""
-        return stability.stable_time_step(self._block, self.layout, self.terms, field_magnitude, plane, damping)
+        return stability.stable_time_step(self._block, self.layout, self.terms, field_magnitude, plane, pull=pull)
 
-    def working_time_step(self, field_magnitude: float, plane: str | None, damping: float) -> float:
+    def stable_time_step_at(self, case: LoadCase, plane: str | None) -> float:
+        """Largest stable step, s, of small motions about an equilibrium."""
+        return stability.time_step_bound(*self.linearise(case), plane)
+
+    def working_time_step(self, field_magnitude: float, plane: str | None) -> float:
         """Bound on the step, s, that also covers a swing under gravity and sudden fields up to ``field_magnitude`` T.
 
-        The least of straight and sagging under 2 g, both with ``shock_stiffness`` added (docs/physics.md).
+        The least of straight, sagging under 2 g and hanging under 3 g, as at the bottom of a swing, all with
+        ``shock_stiffness`` added (docs/physics.md).
         """
         shock = stability.shock_stiffness(self._block, self.layout, self.terms, field_magnitude)
-        bound = stability.stable_time_step(self._block, self.layout, self.terms, field_magnitude, plane, damping, shock)
-        if self.terms.gravity is not None:
+        bound = stability.stable_time_step(self._block, self.layout, self.terms, field_magnitude, plane, shock)
+        if self.terms.gravity is None:
+            return bound
+        hanging = np.array([3.0 * np.linalg.norm(self.gravity), 0.0, 0.0])
+        for gravity in (2.0 * self.gravity, hanging):
             swung = copy.copy(self)
-            swung.gravity, swung._block = 2.0 * self.gravity, self._block.copy()
-            stability.set_gravity(swung._block, self.terms, swung.gravity)
+            swung.gravity, swung._block = gravity, self._block.copy()
+            stability.set_gravity(swung._block, self.terms, gravity)
             stiffness, inertia = swung.linearise(swung.equilibrium(np.zeros(3)))
-            bound = min(bound, stability.time_step_bound(stiffness + np.diag(shock), inertia, plane, damping))
+            bound = min(bound, stability.time_step_bound(stiffness + np.diag(shock), inertia, plane))
         return bound

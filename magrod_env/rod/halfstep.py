@@ -6,7 +6,7 @@ part of the linear system (``elimination.py``) and what is named here; derived i
 
 from magrod_env._jit import inline_jit, jit
 from magrod_env._simd import constant, load, minimum, store
-from magrod_env.rod.elimination import COUPLING, RIGHT, SYSTEM, triangle
+from magrod_env.rod.elimination import COUPLING, RIGHT, SYSTEM, add3, triangle
 from magrod_env.rod.helical import helical_strain
 from magrod_env.rod.layout import DRAG, ELEMENT_ROWS, GRAVITY, INVERSE_LENGTH, LEAST_COSINE, SPATIAL, SPIN_DRAG
 from magrod_env.rod.loads import (
@@ -28,12 +28,6 @@ MIDDLE, END = SYSTEM + 6, SYSTEM + 13  # poses
 STRAIN = SYSTEM + 20  # gamma and phi, at the start of the step, of the element that ends here
 PACE, RISE = SYSTEM + 26, SYSTEM + 32  # d/h and f/h of the step before and their slope in time, for the first guess
 NODE = SYSTEM + 38
-
-
-@inline_jit
-def add3(scratch, row, v, lanes):
-    """Add to three neighbouring rows."""
-    store3(scratch, row, add(load3(scratch, row, lanes), v), lanes)
 
 
 @inline_jit

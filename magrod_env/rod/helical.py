@@ -1,5 +1,9 @@
-"""The helical element: constant strain between two nodes on SE(3), so bending, twist and stretch are exact where
-uniform.
+"""The helical element: the strain of a helix between two nodes on SE(3), and what varies along it condensed out.
+
+Uniform bending, twist and stretch are exact. Where equilibrium makes the strain vary along the element, the section in
+its middle tilts against the helix by ``tilt``, two angles that minimise the element's energy and that no node carries:
+this gives bending its exact flexibility under end forces (MacNeal 1978), order four to rods that twist while they bend,
+and stability under any tension.
 
 Notation of the kernels: node a and node b, ``phi`` rotation vector from a to b (mid-frame = both end frames), ``chord``
 the chord over the length in the mid frame, ``gamma`` the stretch-and-shear strain (1, 0, 0 at rest), E = (1, 0, 0).
@@ -72,6 +76,63 @@ def unwind(v, phi, a, sinc_inverse):
 
 
 @inline_jit
+def section_tilt(gamma, phi, inverse_length, stiffness):
+    """Tilt of the middle section against the helix, two angles, and what drives it: ``K tilt = drive`` (N).
+
+    ``stiffness`` is (EA, GA, EI/h, GJ/h, 12 EI/h^2). The drive is the transverse part of ``n x gamma + m x kappa``,
+    the slope of the moment along the element, which only a tilt can bring about; K is 12 EI/h^2 of the bending that the
+    tilt costs, and the stiffness of the strains that it changes. Returns the tilt, the drive and its two factors:
+    drive = ``push`` gamma + ``turn`` phi/h, transverse parts.
+    """
+    axial, shear, bending, torsion, tilting = stiffness
+    push = shear * gamma[0] - axial * (gamma[0] - 1.0)
+    turn = (bending - torsion) * phi[0]
+    share = inverse_length * turn
+    drive_y, drive_z = push * gamma[1] + share * phi[1], push * gamma[2] + share * phi[2]
+    twisting, curving = inverse_length * torsion, inverse_length * bending
+    common = tilting + shear * gamma[0] * gamma[0] + curving * phi[0] * phi[0]
+    k_yy = common + axial * gamma[1] * gamma[1] + twisting * phi[1] * phi[1]
+    k_zz = common + axial * gamma[2] * gamma[2] + twisting * phi[2] * phi[2]
+    k_yz = axial * gamma[1] * gamma[2] + twisting * phi[1] * phi[2]
+    inverse = 1.0 / (k_yy * k_zz - k_yz * k_yz)
+    tilt = inverse * (k_zz * drive_y - k_yz * drive_z), inverse * (k_yy * drive_z - k_yz * drive_y)
+    return tilt, (drive_y, drive_z), push, turn
+
+
+@inline_jit
+def helical_stress(gamma, phi, inverse_length, stiffness):
+    """Stress (mid-frame force, N) and moment (N m) conjugate to ``gamma`` and ``phi``: derivatives of
+    ``helical_energy``.
+    """
+    axial, shear, bending, torsion, tilting = stiffness
+    (y, z), drive, push, turn = section_tilt(gamma, phi, inverse_length, stiffness)
+    along_gamma, along_phi, square = y * gamma[1] + z * gamma[2], y * phi[1] + z * phi[2], y * y + z * z
+    pushed, turned = push - axial * along_gamma, turn - torsion * along_phi
+    stress = (
+        axial * (gamma[0] - 1.0) + (axial - shear) * along_gamma + shear * gamma[0] * square,
+        shear * gamma[1] - pushed * y,
+        shear * gamma[2] - pushed * z,
+    )
+    moment = (
+        torsion * phi[0] + (torsion - bending) * along_phi + bending * phi[0] * square,
+        bending * phi[1] - turned * y,
+        bending * phi[2] - turned * z,
+    )
+    return stress, moment
+
+
+@inline_jit
+def helical_energy(gamma, phi, length, inverse_length, stiffness):
+    """Elastic energy of an element, J."""
+    axial, shear, bending, torsion, tilting = stiffness
+    tilt, drive, push, turn = section_tilt(gamma, phi, inverse_length, stiffness)
+    across = shear * (gamma[1] * gamma[1] + gamma[2] * gamma[2]) - (tilt[0] * drive[0] + tilt[1] * drive[1])
+    stretch = axial * (gamma[0] - 1.0) * (gamma[0] - 1.0) + across
+    bend = torsion * phi[0] * phi[0] + bending * (phi[1] * phi[1] + phi[2] * phi[2])
+    return 0.5 * (length * stretch + bend)
+
+
+@inline_jit
 def helical_loads(gamma, phi, geometry, stress, moment, length):
     """Nodal loads of an element from its stress (mid-frame force, N) and moment (N m), conjugate to ``gamma`` and
     ``phi``.
@@ -92,27 +153,3 @@ def helical_loads(gamma, phi, geometry, stress, moment, length):
     torque_a = add(add(symmetric, scale(0.5, phi_m)), add(s, u_s))
     torque_b = subtract(subtract(s, u_s), subtract(symmetric, scale(0.5, phi_m)))
     return rotate(mid, n), torque_a, torque_b
-
-
-@inline_jit
-def helical_strain_rates(gamma, phi, geometry, velocity_a, spin_a, velocity_b, spin_b, inverse_length):
-    """Rates of ``gamma`` (1/s) and ``phi`` (rad/s) from nodal velocities (world, m/s) and angular velocities (body,
-    rad/s).
-
-    The transpose of the map in ``helical_loads``: stress times rate is the power of the nodal loads, so Kelvin-Voigt
-    damping takes energy out, and no momentum.
-    """
-    chord, u, mid, q, w, r, x, a, sinc_inverse = geometry
-    beta = 0.0625 * (w + q) * sinc_inverse * r
-    difference, total = subtract(spin_b, spin_a), add(spin_b, spin_a)
-    phi_rate = add_scaled(difference, 0.5, cross(phi, total))
-    phi_rate = add_scaled(phi_rate, beta, cross(phi, cross(phi, difference)))
-    mid_spin = scale(0.5, add(total, cross(u, difference)))
-    chord_rate = scale(inverse_length, rotate_back(mid, subtract(velocity_b, velocity_a)))
-    chord_rate = add(chord_rate, cross(chord, mid_spin))
-    phi_gamma = cross(phi, gamma)
-    twist = add(cross(phi_rate, phi_gamma), cross(phi, cross(phi_rate, gamma)))
-    slope = strain_slope(16.0 * x * q * q) * dot(phi, phi_rate)
-    chord_rate = add_scaled(chord_rate, -a, twist)
-    chord_rate = add_scaled(chord_rate, -slope, cross(phi, phi_gamma))
-    return unwind(chord_rate, phi, a, sinc_inverse), phi_rate

@@ -9,36 +9,36 @@ import numpy as np
 
 from magrod_env._jit import inline_jit, jit
 from magrod_env._simd import constant, load, maximum, store
-from magrod_env.rod.elimination import COUPLING, RIGHT, eliminate_node, factor_node, substitute_node, triangle
+from magrod_env.rod.elimination import (
+    COUPLING,
+    RIGHT,
+    SPATIAL_FREEDOMS,
+    add1,
+    add3,
+    eliminate_node,
+    factor_node,
+    substitute_node,
+    triangle,
+)
 from magrod_env.rod.energy import OK
-from magrod_env.rod.halfstep import END, MIDDLE, NODE, STRAIN, add3, begin_node, finish, move_half_step, predict
-from magrod_env.rod.helical import helical_loads, helical_strain
-from magrod_env.rod.jacobian import strain_jacobian, weighted
+from magrod_env.rod.halfstep import END, MIDDLE, NODE, STRAIN, begin_node, finish, move_half_step, predict
+from magrod_env.rod.helical import helical_loads, helical_strain, helical_stress
+from magrod_env.rod.jacobian import strain_jacobian, weighted, weighted1
 from magrod_env.rod.layout import (
-    AXIAL,
-    BENDING,
     DAMPING,
     ELEMENT_ROWS,
     FIELD,
     INVERSE_LENGTH,
     LENGTH,
-    SHEAR,
-    TORSION,
 )
-from magrod_env.rod.loads import load3, load_pose, local_field, magnet_loads, node_row, store3
-from magrod_env.rod.so3 import add, add_scaled, dot, matrix, rotate_back, scale, subtract
+from magrod_env.rod.loads import load3, load_pose, local_field, magnet_loads, node_row, section_stiffness, store3
+from magrod_env.rod.so3 import add, dot, matrix, rotate_back, scale, subtract
 
 UNSOLVED = 5  # status of a rod, beside those of the watchdog
 TOLERANCE = 1e-8  # of a half step: rad, and of the first element's length
 MOST_ITERATIONS = 16
 LEAST_SPAN = 0.3  # of a step: between middles, for a slope
 MOST_PARTS = 64  # of a step that is not solved
-
-
-@inline_jit
-def add1(scratch, row, value, lanes):
-    """Add to a row."""
-    store(scratch, row, load(scratch, row, lanes) + value, lanes)
 
 
 @inline_jit
@@ -99,28 +99,32 @@ def add_element(block, scratch, layout, element, poses, terms, internal_damping,
     row = layout.elements + ELEMENT_ROWS * element
     a, b = NODE * element, NODE * (element + 1)
     length, inverse_length = load(block, row + LENGTH, lanes), load(block, row + INVERSE_LENGTH, lanes)
-    axial, shear = load(block, row + AXIAL, lanes), load(block, row + SHEAR, lanes)
-    bending, torsion = load(block, row + BENDING, lanes), load(block, row + TORSION, lanes)
+    stiffness = section_stiffness(block, row, lanes, None)
+    axial, shear, bending, torsion, tilting = stiffness
     gamma, phi, geometry = helical_strain(poses[0], poses[1], inverse_length)
     old_gamma, old_phi = load3(scratch, b + STRAIN, lanes), load3(scratch, b + STRAIN + 3, lanes)
     new_gamma, new_phi, unused = helical_strain(poses[2], poses[3], inverse_length)
     mean, bend = scale(0.5, add(old_gamma, new_gamma)), scale(0.5, add(old_phi, new_phi))
-    stretch = (mean[0] - 1.0, mean[1], mean[2])
+    stress, moment = helical_stress(mean, bend, inverse_length, stiffness)
+    tension = maximum(stress[0], constant(0.0, length))
+    push = shear * mean[0] - axial * (mean[0] - 1.0)
+    straight = shear * tilting / (shear + tilting)
+    sheared = maximum(shear - push * push / (tilting + shear * mean[0] * mean[0]), straight)
     stiffer = constant(1.0, length)
     if internal_damping is not None:
         rate = load(block, DAMPING, lanes) / h
-        stretch = add_scaled(stretch, rate, subtract(new_gamma, old_gamma))
-        bend = add_scaled(bend, rate, subtract(new_phi, old_phi))
+        stretching, bending_rate = subtract(new_gamma, old_gamma), subtract(new_phi, old_phi)
+        stress = add(stress, weighted1(scale(rate, stretching), axial, straight))
+        moment = add(moment, weighted1(scale(rate, bending_rate), torsion, bending))
         stiffer = stiffer + 2.0 * rate
-    stress = (axial * stretch[0], shear * stretch[1], shear * stretch[2])
-    moment = (torsion * bend[0], bending * bend[1], bending * bend[2])
     force, torque_a, torque_b = helical_loads(gamma, phi, geometry, stress, moment, length)
     add3(scratch, b + RIGHT, scale(-1.0, force), lanes)
     add3(scratch, b + RIGHT + 3, torque_b, lanes)
     position, turn_a, turn_b, bend_a, bend_b = strain_jacobian(gamma, phi, geometry, inverse_length)
-    along, across = stiffer * axial * length, stiffer * shear * length
-    held = weighted(position, along, across)
-    add_symmetric(scratch, b, 0, position, held, lanes)
+    along, pulled = stiffer * axial * length, (sheared + (stiffer - 1.0) * straight) * length
+    across = maximum(pulled - tension * length, straight * length)
+    tied, held = weighted(position, along, pulled), weighted(position, along, across)
+    add_symmetric(scratch, b, 0, position, tied, lanes)
     add_mixed(scratch, b, 1.0, turn_b, held, lanes)
     add_symmetric(scratch, b, 3, turn_b, weighted(turn_b, along, across), lanes)
     add_symmetric(scratch, b, 3, bend_b, weighted(bend_b, stiffer * torsion, stiffer * bending), lanes)
@@ -128,11 +132,11 @@ def add_element(block, scratch, layout, element, poses, terms, internal_damping,
         add3(scratch, a + RIGHT, force, lanes)
         add3(scratch, a + RIGHT + 3, torque_a, lanes)
         twisted, curved = weighted(turn_a, along, across), weighted(bend_a, stiffer * torsion, stiffer * bending)
-        add_symmetric(scratch, a, 0, position, held, lanes)
+        add_symmetric(scratch, a, 0, position, tied, lanes)
         add_mixed(scratch, a, -1.0, turn_a, held, lanes)
         add_symmetric(scratch, a, 3, turn_a, twisted, lanes)
         add_symmetric(scratch, a, 3, bend_a, curved, lanes)
-        couple(scratch, b, 0, 0, -1.0, position, held, lanes)
+        couple(scratch, b, 0, 0, -1.0, position, tied, lanes)
         couple(scratch, b, 0, 3, 1.0, position, twisted, lanes)
         couple(scratch, b, 3, 0, -1.0, turn_b, held, lanes)
         couple(scratch, b, 3, 3, 1.0, turn_b, twisted, lanes)
@@ -163,14 +167,14 @@ def iterate(block, scratch, layout, terms, gradient, internal_damping, h):
         add_element(block, scratch, layout, element, poses, terms, internal_damping, h)
         middle, end = next_middle, next_end
         if element > 0:
-            factor_node(scratch, NODE * element, lanes)
-            eliminate_node(scratch, NODE * element, own, lanes)
+            factor_node(scratch, NODE * element, lanes, SPATIAL_FREEDOMS)
+            eliminate_node(scratch, NODE * element, own, lanes, SPATIAL_FREEDOMS)
     inverse_length = load(block, layout.elements + INVERSE_LENGTH, lanes)
-    factor_node(scratch, NODE * last, lanes)
-    substitute_node(scratch, NODE * last, None, lanes)
+    factor_node(scratch, NODE * last, lanes, SPATIAL_FREEDOMS)
+    substitute_node(scratch, NODE * last, None, lanes, SPATIAL_FREEDOMS)
     largest = move_half_step(scratch, NODE * last, inverse_length, lanes)
     for node in range(last - 1, 0, -1):
-        substitute_node(scratch, NODE * node, NODE * (node + 1), lanes)
+        substitute_node(scratch, NODE * node, NODE * (node + 1), lanes, SPATIAL_FREEDOMS)
         largest = maximum(largest, move_half_step(scratch, NODE * node, inverse_length, lanes))
     store(scratch, 0, largest, lanes)
 

@@ -78,10 +78,16 @@ def strain_jacobian(gamma, phi, geometry, inverse_length):
 
 
 @inline_jit
+def weighted1(column, along, across):
+    """A vector times diag(along, across, across)."""
+    return along * column[0], across * column[1], across * column[2]
+
+
+@inline_jit
 def weighted(columns, along, across):
     """Columns times diag(along, across, across)."""
     return (
-        (along * columns[0][0], across * columns[0][1], across * columns[0][2]),
-        (along * columns[1][0], across * columns[1][1], across * columns[1][2]),
-        (along * columns[2][0], across * columns[2][1], across * columns[2][2]),
+        weighted1(columns[0], along, across),
+        weighted1(columns[1], along, across),
+        weighted1(columns[2], along, across),
     )

@@ -26,8 +26,10 @@ SPIN_DRAG = 25  # 1, 1/s
 ROD_ROWS = 26
 
 # rows of an element
-LENGTH, INVERSE_LENGTH, AXIAL, SHEAR, BENDING, TORSION = range(6)  # m, 1/m, EA, GA* (N), EI/h, GJ/h (N m)
-ELEMENT_ROWS = 6
+LENGTH, INVERSE_LENGTH, AXIAL, SHEAR, BENDING, TORSION, TILT = range(
+    7
+)  # m, 1/m, EA, GA (N), EI/h, GJ/h (N m), 12 EI/h^2
+ELEMENT_ROWS = 7
 
 
 class NodeRows(NamedTuple):
@@ -76,7 +78,6 @@ class Layout(NamedTuple):
     elements: int
     mixing: int  # 9, from the coils' reference to the field, row by row, where the coils are turned
     node_damping: int  # 3 (planar: 2) a node, kg/s, world axes, where the nodes have a damping of their own
-    history: int  # last kick of velocity and momentum a node, where there is internal damping
     size: int
 
 
@@ -88,16 +89,14 @@ def make_layout(num_elements: int, magnet_nodes: tuple[int, ...], terms: Terms) 
     """
     magnet_nodes = magnet_nodes or (0,)
     node_rows = SPATIAL.size if terms.planar is None else PLANAR.size
-    motion = 6 if terms.planar is None else 3
     magnets = ROD_ROWS
     nodes = magnets + 3 * len(magnet_nodes)
     elements = nodes + node_rows * (num_elements + 1)
     mixing = elements + ELEMENT_ROWS * num_elements
     node_damping = mixing + (0 if terms.turned is None else 9)
     axes = 3 if terms.planar is None else 2
-    history = node_damping + (0 if terms.node_damping is None else axes * (num_elements + 1))
-    size = history + (0 if terms.internal_damping is None else motion * (num_elements + 1))
-    return Layout(num_elements, magnet_nodes, magnets, nodes, elements, mixing, node_damping, history, size)
+    size = node_damping + (0 if terms.node_damping is None else axes * (num_elements + 1))
+    return Layout(num_elements, magnet_nodes, magnets, nodes, elements, mixing, node_damping, size)
 
 
 def make_blocks(num_rods: int, layout: Layout, terms: Terms, dtype) -> np.ndarray:

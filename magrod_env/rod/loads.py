@@ -5,11 +5,10 @@ Branches on ``planar``, ``gradient`` and so on are decided when a kernel is comp
 
 from magrod_env._jit import inline_jit
 from magrod_env._simd import load, store
-from magrod_env.rod.helical import helical_loads, helical_strain, helical_strain_rates
+from magrod_env.rod.helical import helical_loads, helical_strain, helical_stress
 from magrod_env.rod.layout import (
     AXIAL,
     BENDING,
-    DAMPING,
     ELEMENT_ROWS,
     FIELD,
     GRADIENT,
@@ -18,6 +17,7 @@ from magrod_env.rod.layout import (
     PLANAR,
     SHEAR,
     SPATIAL,
+    TILT,
     TORSION,
 )
 from magrod_env.rod.nodal import nodal_loads, nodal_strain
@@ -25,7 +25,7 @@ from magrod_env.rod.planar import (
     planar_cross,
     planar_helical_loads,
     planar_helical_strain,
-    planar_helical_strain_rates,
+    planar_helical_stress,
     planar_matrix,
     planar_nodal_loads,
     planar_nodal_strain,
@@ -33,7 +33,7 @@ from magrod_env.rod.planar import (
     planar_rotate,
     planar_rotate_back,
 )
-from magrod_env.rod.so3 import add, cross, dot, matrix, relative_rotation, rotate, rotate_back
+from magrod_env.rod.so3 import cross, dot, matrix, relative_rotation, rotate, rotate_back
 
 
 @inline_jit
@@ -119,66 +119,28 @@ def bend_cosine(pose_a, pose_b, planar):
 
 
 @inline_jit
-def delayed_motion(block, layout, node, lanes, planar):
-    """Velocity and angular velocity of a node at the kick: those before it plus half of the last kick (second
-    order).
-    """
-    row = node_row(layout, planar, node)
-    motion = load_motion(block, row, lanes, planar)
+def section_stiffness(block, row, lanes, planar):
+    """Stiffness of the element at ``row`` as ``helical_stress`` (planar: ``planar_helical_stress``) takes it."""
+    axial, shear = load2(block, row + AXIAL, lanes)
+    bending, tilting = load(block, row + BENDING, lanes), load(block, row + TILT, lanes)
     if planar is None:
-        last = layout.history + 6 * node
-        velocity, kick = load3(block, last, lanes), load3(block, last + 3, lanes)
-        axial, transverse = load2(block, row + SPATIAL.compliance, lanes)
-        momentum = add(motion[1], kick)
-        spin = (2.0 * axial * momentum[0], 2.0 * transverse * momentum[1], 2.0 * transverse * momentum[2])
-        return add(motion[0], velocity), spin
-    last = layout.history + 3 * node
-    velocity = load2(block, last, lanes)
-    spin = 2.0 * load(block, row + PLANAR.compliance, lanes) * (motion[1] + load(block, last + 2, lanes))
-    return (motion[0][0] + velocity[0], motion[0][1] + velocity[1]), spin
+        return axial, shear, bending, load(block, row + TORSION, lanes), tilting
+    return axial, shear, bending, tilting
 
 
 @inline_jit
-def helical_element(block, layout, element, pose_a, pose_b, terms, planar, internal_damping):
+def helical_element(block, layout, element, pose_a, pose_b, lanes, planar):
     """Loads of helical element ``element``: world force on a, body torques on a and b."""
-    lanes = terms.lanes
     row = layout.elements + ELEMENT_ROWS * element
     length, inverse_length = load(block, row + LENGTH, lanes), load(block, row + INVERSE_LENGTH, lanes)
-    axial, shear = load(block, row + AXIAL, lanes), load(block, row + SHEAR, lanes)
-    bending = load(block, row + BENDING, lanes)
+    stiffness = section_stiffness(block, row, lanes, planar)
     if planar is None:
-        torsion = load(block, row + TORSION, lanes)
         gamma, phi, geometry = helical_strain(pose_a, pose_b, inverse_length)
-        stretch, bend = (gamma[0] - 1.0, gamma[1], gamma[2]), phi
-        if internal_damping is not None:
-            time = load(block, DAMPING, lanes)
-            velocity_a, spin_a = delayed_motion(block, layout, element, lanes, planar)
-            velocity_b, spin_b = delayed_motion(block, layout, element + 1, lanes, planar)
-            gamma_rate, phi_rate = helical_strain_rates(
-                gamma, phi, geometry, velocity_a, spin_a, velocity_b, spin_b, inverse_length
-            )
-            stretch = (
-                stretch[0] + time * gamma_rate[0],
-                stretch[1] + time * gamma_rate[1],
-                stretch[2] + time * gamma_rate[2],
-            )
-            bend = (phi[0] + time * phi_rate[0], phi[1] + time * phi_rate[1], phi[2] + time * phi_rate[2])
-        stress = (axial * stretch[0], shear * stretch[1], shear * stretch[2])
-        moment = (torsion * bend[0], bending * bend[1], bending * bend[2])
+        stress, moment = helical_stress(gamma, phi, inverse_length, stiffness)
         return helical_loads(gamma, phi, geometry, stress, moment, length)
     gamma, phi, geometry = planar_helical_strain(pose_a, pose_b, inverse_length)
-    stretch, bend = (gamma[0] - 1.0, gamma[1]), phi
-    if internal_damping is not None:
-        time = load(block, DAMPING, lanes)
-        velocity_a, spin_a = delayed_motion(block, layout, element, lanes, planar)
-        velocity_b, spin_b = delayed_motion(block, layout, element + 1, lanes, planar)
-        gamma_rate, phi_rate = planar_helical_strain_rates(
-            gamma, phi, geometry, velocity_a, spin_a, velocity_b, spin_b, inverse_length
-        )
-        stretch = (stretch[0] + time * gamma_rate[0], stretch[1] + time * gamma_rate[1])
-        bend = phi + time * phi_rate
-    stress = (axial * stretch[0], shear * stretch[1])
-    return planar_helical_loads(gamma, phi, geometry, stress, bending * bend, length)
+    stress, moment = planar_helical_stress(gamma, phi, stiffness)
+    return planar_helical_loads(gamma, phi, geometry, stress, moment, length)
 
 
 @inline_jit
@@ -202,11 +164,11 @@ def nodal_element(block, layout, element, pose_a, pose_b, lanes, planar):
 
 
 @inline_jit
-def element_loads(block, layout, element, pose_a, pose_b, terms, planar, nodal, internal_damping):
+def element_loads(block, layout, element, pose_a, pose_b, lanes, planar, nodal):
     """Loads of one element of the scene's kind."""
     if nodal is None:
-        return helical_element(block, layout, element, pose_a, pose_b, terms, planar, internal_damping)
-    return nodal_element(block, layout, element, pose_a, pose_b, terms.lanes, planar)
+        return helical_element(block, layout, element, pose_a, pose_b, lanes, planar)
+    return nodal_element(block, layout, element, pose_a, pose_b, lanes, planar)
 
 
 @inline_jit

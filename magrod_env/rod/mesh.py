@@ -18,6 +18,7 @@ from magrod_env.rod.layout import (
     PLANAR,
     SHEAR,
     SPATIAL,
+    TILT,
     TORSION,
 )
 
@@ -109,8 +110,7 @@ def lumped_lengths(arc, corrected):
 def write_rod(rows, lane, layout, counts, values, planar, nodal):
     """Write one rod's constants into lane ``lane`` of a block ``rows`` (num_rows, L), and lay it straight and at rest.
 
-    The helical element gets the residual bending flexibility 1/GA* = 1/GA + h^2/(12 EI) (MacNeal 1978) and corrected
-    masses; the nodal element has neither, as in the paper.
+    The helical element gets corrected masses, the nodal element those of the paper.
     """
     arc = arc_lengths(values.ends, counts)
     carried = lumped_lengths(arc, nodal is None)
@@ -131,15 +131,13 @@ def write_rod(rows, lane, layout, counts, values, planar, nodal):
     for element in range(len(arc) - 1):
         row = layout.elements + ELEMENT_ROWS * element
         h = arc[element + 1] - arc[element]
-        shear = values.shear
-        if nodal is None:
-            shear = 1.0 / (1.0 / shear + h * h / (12.0 * values.bending))
         rows[row + LENGTH, lane] = h
         rows[row + INVERSE_LENGTH, lane] = 1.0 / h
         rows[row + AXIAL, lane] = values.axial
-        rows[row + SHEAR, lane] = shear
+        rows[row + SHEAR, lane] = values.shear
         rows[row + BENDING, lane] = values.bending / h
         rows[row + TORSION, lane] = values.torsion / h
+        rows[row + TILT, lane] = 12.0 * values.bending / (h * h) if nodal is None else 0.0
     for magnet in range(len(layout.magnet_nodes)):
         for axis in range(3):
             rows[layout.magnets + 3 * magnet + axis, lane] = values.magnet_moments[magnet, axis]
@@ -159,5 +157,3 @@ def write_straight(rows, lane, layout, planar):
         rows[row + node_rows.rotation, lane] = 1.0
         if node < layout.num_elements:
             arc += rows[layout.elements + ELEMENT_ROWS * node + LENGTH, lane]
-    for row in range(layout.history, layout.size):
-        rows[row, lane] = 0.0

@@ -66,6 +66,34 @@ def planar_helical_strain(pose_a, pose_b, inverse_length):
 
 
 @inline_jit
+def planar_section_tilt(gamma, stiffness):
+    """Tilt of the middle section against the arc, what drives it and the drive over gamma (see ``section_tilt``)."""
+    axial, shear, bending, tilting = stiffness
+    push = shear * gamma[0] - axial * (gamma[0] - 1.0)
+    drive = push * gamma[1]
+    return drive / (tilting + shear * gamma[0] * gamma[0] + axial * gamma[1] * gamma[1]), drive, push
+
+
+@inline_jit
+def planar_helical_stress(gamma, phi, stiffness):
+    """Stress and moment conjugate to ``gamma`` and ``phi`` (see ``helical_stress``)."""
+    axial, shear, bending, tilting = stiffness
+    tilt, drive, push = planar_section_tilt(gamma, stiffness)
+    leant = tilt * gamma[1]
+    along = axial * (gamma[0] - 1.0) + (axial - shear) * leant + shear * gamma[0] * tilt * tilt
+    return (along, shear * gamma[1] - (push - axial * leant) * tilt), bending * phi
+
+
+@inline_jit
+def planar_helical_energy(gamma, phi, length, stiffness):
+    """Elastic energy of an element, J."""
+    axial, shear, bending, tilting = stiffness
+    tilt, drive, push = planar_section_tilt(gamma, stiffness)
+    stretch = axial * (gamma[0] - 1.0) * (gamma[0] - 1.0) + shear * gamma[1] * gamma[1] - tilt * drive
+    return 0.5 * (length * stretch + bending * phi * phi)
+
+
+@inline_jit
 def planar_helical_loads(gamma, phi, geometry, stress, moment, length):
     """World force on node a and torques on a and b (see ``helical_loads``)."""
     chord, mid, q, x, a, sinc_inverse = geometry
@@ -75,21 +103,6 @@ def planar_helical_loads(gamma, phi, geometry, stress, moment, length):
     bracket = (2.0 * a + strain_slope(y) * y) * phi * (gamma[0] * n[0] + gamma[1] * n[1])
     m = moment + length * bracket
     return planar_rotate(mid, n), s + m, s - m
-
-
-@inline_jit
-def planar_helical_strain_rates(gamma, phi, geometry, velocity_a, spin_a, velocity_b, spin_b, inverse_length):
-    """Rates of ``gamma`` (1/s) and ``phi`` (rad/s) (see ``helical_strain_rates``)."""
-    chord, mid, q, x, a, sinc_inverse = geometry
-    phi_rate = spin_b - spin_a
-    mid_spin = 0.5 * (spin_a + spin_b)
-    y = 16.0 * x * q * q
-    slope = (2.0 * a + strain_slope(y) * y) * phi * phi_rate
-    difference = (inverse_length * (velocity_b[0] - velocity_a[0]), inverse_length * (velocity_b[1] - velocity_a[1]))
-    chord_rate = planar_rotate_back(mid, difference)
-    rate_x = chord_rate[0] + chord[1] * mid_spin + slope * gamma[0]
-    rate_y = chord_rate[1] - chord[0] * mid_spin + slope * gamma[1]
-    return (sinc_inverse * rate_x, sinc_inverse * rate_y), phi_rate
 
 
 @inline_jit

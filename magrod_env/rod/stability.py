@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from magrod_env.rod.layout import AXIAL, BENDING, ELEMENT_ROWS, GRAVITY, LENGTH, SHEAR, SPATIAL, Layout, Terms
+from magrod_env.rod.layout import AXIAL, BENDING, ELEMENT_ROWS, GRAVITY, LENGTH, SHEAR, SPATIAL, TILT, Layout, Terms
 from magrod_env.rod.tangent import BAND, assemble
 
 ACTIVE = {None: [0, 1, 2, 3, 4, 5], "xy": [0, 1, 5], "xz": [0, 2, 4]}  # degrees of freedom of a node
@@ -47,35 +47,46 @@ def angular_frequencies(stiffness, inertia, plane: str | None):
 
 
 def stable_time_step(
-    block,
-    layout: Layout,
-    terms: Terms,
-    field_magnitude: float,
-    plane: str | None,
-    damping: float,
-    added=0.0,
+    block, layout: Layout, terms: Terms, field_magnitude: float, plane: str | None, added=0.0, pull: float = 0.0
 ) -> float:
     """Largest stable time step of the straight rod, s, in a field of any direction up to ``field_magnitude`` T.
 
     2/omega_max of the linearised rod; a dipole adds at most |m||B| to its node's rotational stiffness (Rayleigh's
-    bound), and Kelvin-Voigt damping of time ``damping`` (s) shortens the step to 2 (sqrt(w^2 + c^2) - c)/w^2 with
-    c = damping w^2. ``added`` (6 N,) is further stiffness on the diagonal.
+    bound). ``added`` (6 N,) is further stiffness on the diagonal. ``pull`` (T/m) is the largest entry of a field
+    gradient, which may pull every magnet along the rod with |m| times as much: tension stiffens the sections' rotation.
+    Internal damping does not shorten the step.
     """
-    stiffness, inertia = linearise(block, layout, terms._replace(magnets=None), None, *straight(block, layout, terms))
-    rows = block.reshape(-1, len(terms.lanes))[:, 0]
+    positions, rotations = straight(block, layout, terms)
+    stretched = stretch(block, layout, terms, positions, pull) if pull > 0.0 else positions
+    stiffness, inertia = linearise(block, layout, terms._replace(magnets=None), None, stretched, rotations)
     for number, node in enumerate(layout.magnet_nodes):
-        moment = np.linalg.norm(rows[layout.magnets + 3 * number :][:3])
         for k in (3, 4, 5):
             i = 6 * (node - 1) + k
-            stiffness[i, i] += moment * field_magnitude
-    return time_step_bound(stiffness + np.diag(np.zeros(len(inertia)) + added), inertia, plane, damping)
+            stiffness[i, i] += moment_of(block, layout, terms, number) * field_magnitude
+    return time_step_bound(stiffness + np.diag(np.zeros(len(inertia)) + added), inertia, plane)
 
 
-def time_step_bound(stiffness, inertia, plane: str | None, damping: float) -> float:
-    """Largest stable step of a linearised rod with Kelvin-Voigt time ``damping`` (s), s."""
-    highest = np.nanmax(angular_frequencies(stiffness, inertia, plane))
-    rate = damping * highest**2
-    return float(2.0 * (np.sqrt(highest**2 + rate**2) - rate) / highest**2)
+def moment_of(block, layout: Layout, terms: Terms, magnet: int) -> float:
+    """Dipole moment of a magnet, A m^2."""
+    rows = block.reshape(-1, len(terms.lanes))[:, 0]
+    return float(np.linalg.norm(rows[layout.magnets + 3 * magnet :][:3]))
+
+
+def stretch(block, layout: Layout, terms: Terms, positions, pull: float):
+    """Positions (N + 1, 3) of the straight rod whose magnets are pulled along it with ``pull`` times their moments."""
+    rows = block.reshape(-1, len(terms.lanes))[:, 0]
+    elements = layout.elements + ELEMENT_ROWS * np.arange(layout.num_elements)
+    tension = np.zeros(layout.num_elements)
+    for number, node in enumerate(layout.magnet_nodes):
+        tension[:node] += pull * moment_of(block, layout, terms, number)
+    stretched = positions.copy()
+    stretched[1:, 0] += np.cumsum(tension * rows[elements + LENGTH] / rows[elements + AXIAL])
+    return stretched
+
+
+def time_step_bound(stiffness, inertia, plane: str | None) -> float:
+    """Largest stable step of a linearised rod, s."""
+    return float(2.0 / np.nanmax(angular_frequencies(stiffness, inertia, plane)))
 
 
 def shock_stiffness(block, layout: Layout, terms: Terms, field_magnitude: float):
@@ -88,10 +99,10 @@ def shock_stiffness(block, layout: Layout, terms: Terms, field_magnitude: float)
     rows = block.reshape(-1, len(terms.lanes))[:, 0]
     added = np.zeros((layout.num_elements + 1, 6))
     for number, node in enumerate(layout.magnet_nodes):
-        moment = np.linalg.norm(rows[layout.magnets + 3 * number :][:3])
+        moment = moment_of(block, layout, terms, number)
         elements = {node - 1, min(node, layout.num_elements - 1)} - {-1}
         parts = {e: rows[layout.elements + ELEMENT_ROWS * e :][:ELEMENT_ROWS] for e in elements}
-        hold = sum(part[SHEAR] * part[LENGTH] / 4.0 + part[BENDING] for part in parts.values())
+        hold = sum(sheared(part) * part[LENGTH] / 4.0 + part[BENDING] for part in parts.values())
         turn = min(2.0 * moment * field_magnitude / hold, np.pi)
         for element, part in parts.items():
             squeeze = part[AXIAL] * part[LENGTH] * turn**2
@@ -99,6 +110,11 @@ def shock_stiffness(block, layout: Layout, terms: Terms, field_magnitude: float)
             added[node, 4:] += squeeze * (1.0 / 24.0 + 1.0 / 12.0)
             added[neighbour, 4:] += squeeze * (1.0 / 8.0 + 1.0 / 12.0)
     return added[1:].ravel()
+
+
+def sheared(part) -> float:
+    """Shear stiffness GA* of an element, N, from its rows; the nodal element's is GA."""
+    return 1.0 / (1.0 / part[SHEAR] + (1.0 / part[TILT] if part[TILT] > 0.0 else 0.0))
 
 
 def set_gravity(block, terms: Terms, gravity) -> None:

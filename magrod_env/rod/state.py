@@ -104,5 +104,4 @@ class BatchState:
         batch.set_nodes(rows.rotation, quaternions)
         batch.set_nodes(rows.velocity, velocities)
         batch.set_nodes(rows.momentum, momenta)
-        batch.rows[:, batch.layout.history :] = 0.0
         batch.rows[:, LEAST_COSINE] = 1.0

@@ -3,11 +3,13 @@
 A step of length dt is a drift of dt/2, a kick with the loads at the middle, a drift of dt/2; inside a run neighbouring
 drifts merge. It is the Lie group variational integrator of Tariverdi et al. 2020 (eq. 10-16, with the corrections in
 docs/audit.md) in its symmetric form, so positions and velocities belong to the same time at every call's start and end.
-Dissipation enters as forcing. Branches on ``terms`` are decided when the kernel is compiled.
+Drag enters as forcing, internal damping as a flow of its own between steps (``damping.py``). Branches on ``terms`` are
+decided when the kernel is compiled.
 """
 
 from magrod_env._jit import inline_jit, jit
 from magrod_env._simd import constant, load, maximum, minimum, store
+from magrod_env.rod.damping import damp_if_due, damping_scratch, share_due
 from magrod_env.rod.layout import DRAG, FIELD, GRAVITY, LEAST_COSINE, PLANAR, REFERENCE, SPATIAL, SPIN_DRAG, TARGET
 from magrod_env.rod.loads import (
     bend_cosine,
@@ -18,7 +20,6 @@ from magrod_env.rod.loads import (
     load_pose,
     magnet_loads,
     node_row,
-    store2,
     store3,
     store_motion,
     store_pose,
@@ -105,19 +106,6 @@ def kicked(motion, block, layout, node, force, torque, brakes, terms, planar):
 
 
 @inline_jit
-def remember_kick(block, layout, node, before, after, lanes, planar):
-    """Store half of a kick, from which the next step's internal damping takes its velocities."""
-    if planar is None:
-        row = layout.history + 6 * node
-        store3(block, row, scale(0.5, add_scaled(after[0], -1.0, before[0])), lanes)
-        store3(block, row + 3, scale(0.5, add_scaled(after[1], -1.0, before[1])), lanes)
-    else:
-        row = layout.history + 3 * node
-        store2(block, row, (0.5 * (after[0][0] - before[0][0]), 0.5 * (after[0][1] - before[0][1])), lanes)
-        store(block, row + 2, 0.5 * (after[1] - before[1]), lanes)
-
-
-@inline_jit
 def add_force(a, b, planar):
     """Sum of two forces."""
     if planar is None:
@@ -163,13 +151,11 @@ def move_node(block, layout, node, pose, force, torque, drift_step, brakes, term
     row = node_row(layout, planar, node)
     before = load_motion(block, row, terms.lanes, planar)
     motion = kicked(before, block, layout, node, force, torque, brakes, terms, planar)
-    if terms.internal_damping is not None:
-        remember_kick(block, layout, node, before, motion, terms.lanes, planar)
     drift_node(block, row, pose, motion, drift_step, terms.lanes, planar)
 
 
 @jit
-def kick_and_drift(block, layout, terms, planar, nodal, gradient, internal_damping, drift_step, brakes):
+def kick_and_drift(block, layout, terms, planar, nodal, gradient, drift_step, brakes):
     """One sweep along the rod: loads of element e complete node e, which is kicked and drifts while e + 1 is looked
     at.
     """
@@ -181,9 +167,7 @@ def kick_and_drift(block, layout, terms, planar, nodal, gradient, internal_dampi
     for element in range(last):
         next_pose = load_pose(block, node_row(layout, planar, element + 1), lanes, planar)
         cosine = minimum(cosine, bend_cosine(pose, next_pose, planar))
-        pull, torque_a, torque_b = element_loads(
-            block, layout, element, pose, next_pose, terms, planar, nodal, internal_damping
-        )
+        pull, torque_a, torque_b = element_loads(block, layout, element, pose, next_pose, lanes, planar, nodal)
         if element > 0:
             total, twist = add_force(force, pull, planar), add_torque(torque, torque_a, planar)
             move_node(block, layout, element, pose, total, twist, drift_step, brakes, terms, planar, gradient)
@@ -233,22 +217,31 @@ def braking(block, row, drag, time_step, lanes):
 
 @jit
 def run_block(
-    block, layout, terms, planar, nodal, gradient, internal_damping, num_steps, time_step, blend, largest_change, fields
+    block, layout, terms, planar, nodal, gradient, num_steps, time_step, blend, largest_change, fields, scratch
 ):
-    """Step one lane block ``num_steps`` times; ``fields`` (num_steps, 3 * L) T or None."""
+    """Step one lane block ``num_steps`` times; ``fields`` (num_steps, 3 * L) T or None, ``scratch`` for ``damp``."""
     keep, gain = braking(block, DRAG, terms.drag, time_step, terms.lanes)
     keep_spin, gain_spin = braking(block, SPIN_DRAG, terms.spin_drag, time_step, terms.lanes)
     brakes = (keep, gain, keep_spin, gain_spin)
-    drift(block, layout, terms, planar, 0.5 * time_step)
+    half = 0.5 * time_step
+    if scratch is not None:
+        damp_if_due(block, scratch, layout, terms, planar, 0, num_steps, time_step)
+    drift(block, layout, terms, planar, half)
     for step in range(num_steps):
         if fields is not None:
             store3(block, FIELD, load3(fields[step], 0, terms.lanes), terms.lanes)
         if terms.slew is not None or terms.lag is not None:
             approach_field(block, layout, terms, blend, largest_change)
-        drift_step = time_step if step + 1 < num_steps else 0.5 * time_step
-        kick_and_drift(block, layout, terms, planar, nodal, gradient, internal_damping, drift_step, brakes)
+        stop = step + 1 == num_steps
+        if scratch is not None:
+            stop = stop or share_due(step + 1, num_steps) > 0.0
+        kick_and_drift(block, layout, terms, planar, nodal, gradient, half if stop else time_step, brakes)
         if terms.slew is not None or terms.lag is not None:
             approach_field(block, layout, terms, blend, largest_change)
+        if scratch is not None:
+            damp_if_due(block, scratch, layout, terms, planar, step + 1, num_steps, time_step)
+            if stop and step + 1 < num_steps:
+                drift(block, layout, terms, planar, half)
 
 
 @jit
@@ -259,6 +252,7 @@ def run_blocks(blocks, first, last, layout, terms, num_steps, time_step, blend, 
     that have a lag or a slew limit. ``fields`` (num_blocks, num_steps, 3 * L) T is the field in the middle of every
     step; None leaves the field as it is.
     """
+    scratch = damping_scratch(blocks, layout, terms.planar, terms.internal_damping, terms.lanes)
     for b in range(first, last):
         run_block(
             blocks[b],
@@ -267,10 +261,10 @@ def run_blocks(blocks, first, last, layout, terms, num_steps, time_step, blend, 
             terms.planar,
             terms.nodal,
             terms.gradient,
-            terms.internal_damping,
             num_steps,
             time_step,
             blend,
             largest_change,
             None if fields is None else fields[b],
+            scratch,
         )

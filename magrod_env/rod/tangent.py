@@ -49,7 +49,7 @@ def element_lanes(block, layout, element, terms, nodal, scratch, out):
     b.
     """
     pose_a, pose_b = load_pose(scratch, 0, terms.lanes, None), load_pose(scratch, 7, terms.lanes, None)
-    force, torque_a, torque_b = element_loads(block, layout, element, pose_a, pose_b, terms, None, nodal, None)
+    force, torque_a, torque_b = element_loads(block, layout, element, pose_a, pose_b, terms.lanes, None, nodal)
     store3(out, 0, force, terms.lanes)
     store3(out, 3, torque_a, terms.lanes)
     store3(out, 6, torque_b, terms.lanes)
