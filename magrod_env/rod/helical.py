@@ -1,9 +1,9 @@
 """The helical element: the strain of a helix between two nodes on SE(3), and what varies along it condensed out.
 
 Uniform bending, twist and stretch are exact. Where equilibrium makes the strain vary along the element, the section in
-its middle tilts against the helix by ``tilt``, two angles that minimise the element's energy and that no node carries:
-this gives bending its exact flexibility under end forces (MacNeal 1978), order four to rods that twist while they bend,
-and stability under any tension.
+its middle tilts against the helix by two angles that minimise the element's energy and that no node carries: this gives
+bending its exact flexibility under end forces (MacNeal 1978), order four to rods that twist while they bend, and
+stability under any tension.
 
 Notation of the kernels: node a and node b, ``phi`` rotation vector from a to b (mid-frame = both end frames), ``chord``
 the chord over the length in the mid frame, ``gamma`` the stretch-and-shear strain (1, 0, 0 at rest), E = (1, 0, 0).
@@ -11,6 +11,7 @@ Derived in docs/physics.md; every force is checked against the gradient of the e
 """
 
 from magrod_env._jit import inline_jit
+from magrod_env._simd import square_root
 from magrod_env.rod.so3 import (
     add,
     add_scaled,
@@ -77,26 +78,27 @@ def unwind(v, phi, a, sinc_inverse):
 
 @inline_jit
 def section_tilt(gamma, phi, inverse_length, stiffness):
-    """Tilt of the middle section against the helix, two angles, and what drives it: ``K tilt = drive`` (N).
+    """Tilt of the middle section and what follows from it, all parts of ``helical_stress`` and ``helical_energy``.
 
-    ``stiffness`` is (EA, GA, EI/h, GJ/h, 12 EI/h^2). The drive is the transverse part of ``n x gamma + m x kappa``,
-    the slope of the moment along the element, which only a tilt can bring about; K is 12 EI/h^2 of the bending that the
-    tilt costs, and the stiffness of the strains that it changes. Returns the tilt, the drive and its two factors:
-    drive = ``push`` gamma + ``turn`` phi/h, transverse parts.
+    ``stiffness`` is (EA, GA, EI/h, GJ/h, 12 EI/h^2). Returns the stretch L = |gamma|; its inverse; the section's shear
+    stiffness S = GA - N/L under the tension N = EA (L - 1); the transverse parts of the tilt z and of the shear
+    s = gamma - gamma_1 z that it leaves; and (EI - GJ) phi_1/h. With K = 12 EI/h^2 + S gamma_1^2 and the twist's part
+    q of the moment's slope, K z = S gamma_1 gamma + q: the minimum of S s^2 + 12 EI/h^2 z^2 - 2 q.z.
     """
     axial, shear, bending, torsion, tilting = stiffness
-    push = shear * gamma[0] - axial * (gamma[0] - 1.0)
+    stretch = square_root(dot(gamma, gamma))
+    softened = axial + (shear - axial) * stretch  # S L
+    sway = softened * gamma[0]
+    stiff = tilting * stretch + sway * gamma[0]  # K L
+    both = 1.0 / (stretch * stiff)
+    inverse_stretch, flexible = both * stiff, both * stretch * stretch  # 1/L and 1/K
     turn = (bending - torsion) * phi[0]
     share = inverse_length * turn
-    drive_y, drive_z = push * gamma[1] + share * phi[1], push * gamma[2] + share * phi[2]
-    twisting, curving = inverse_length * torsion, inverse_length * bending
-    common = tilting + shear * gamma[0] * gamma[0] + curving * phi[0] * phi[0]
-    k_yy = common + axial * gamma[1] * gamma[1] + twisting * phi[1] * phi[1]
-    k_zz = common + axial * gamma[2] * gamma[2] + twisting * phi[2] * phi[2]
-    k_yz = axial * gamma[1] * gamma[2] + twisting * phi[1] * phi[2]
-    inverse = 1.0 / (k_yy * k_zz - k_yz * k_yz)
-    tilt = inverse * (k_zz * drive_y - k_yz * drive_z), inverse * (k_yy * drive_z - k_yz * drive_y)
-    return tilt, (drive_y, drive_z), push, turn
+    slope = share * phi[1], share * phi[2]
+    sheared = inverse_stretch * sway
+    tilt = flexible * (sheared * gamma[1] + slope[0]), flexible * (sheared * gamma[2] + slope[1])
+    left = flexible * (tilting * gamma[1] - gamma[0] * slope[0]), flexible * (tilting * gamma[2] - gamma[0] * slope[1])
+    return stretch, inverse_stretch, inverse_stretch * softened, tilt, left, turn
 
 
 @inline_jit
@@ -105,18 +107,19 @@ def helical_stress(gamma, phi, inverse_length, stiffness):
     ``helical_energy``.
     """
     axial, shear, bending, torsion, tilting = stiffness
-    (y, z), drive, push, turn = section_tilt(gamma, phi, inverse_length, stiffness)
-    along_gamma, along_phi, square = y * gamma[1] + z * gamma[2], y * phi[1] + z * phi[2], y * y + z * z
-    pushed, turned = push - axial * along_gamma, turn - torsion * along_phi
+    stretch, inverse_stretch, section, tilt, left, turn = section_tilt(gamma, phi, inverse_length, stiffness)
+    square = inverse_stretch * inverse_stretch * (left[0] * left[0] + left[1] * left[1])
+    pull = axial * (stretch - 1.0 - 0.5 * square) * inverse_stretch
+    across = section * left[0], section * left[1]
     stress = (
-        axial * (gamma[0] - 1.0) + (axial - shear) * along_gamma + shear * gamma[0] * square,
-        shear * gamma[1] - pushed * y,
-        shear * gamma[2] - pushed * z,
+        pull * gamma[0] - (tilt[0] * across[0] + tilt[1] * across[1]),
+        pull * gamma[1] + across[0],
+        pull * gamma[2] + across[1],
     )
     moment = (
-        torsion * phi[0] + (torsion - bending) * along_phi + bending * phi[0] * square,
-        bending * phi[1] - turned * y,
-        bending * phi[2] - turned * z,
+        torsion * phi[0] - (bending - torsion) * (tilt[0] * phi[1] + tilt[1] * phi[2]),
+        bending * phi[1] - turn * tilt[0],
+        bending * phi[2] - turn * tilt[1],
     )
     return stress, moment
 
@@ -125,11 +128,12 @@ def helical_stress(gamma, phi, inverse_length, stiffness):
 def helical_energy(gamma, phi, length, inverse_length, stiffness):
     """Elastic energy of an element, J."""
     axial, shear, bending, torsion, tilting = stiffness
-    tilt, drive, push, turn = section_tilt(gamma, phi, inverse_length, stiffness)
-    across = shear * (gamma[1] * gamma[1] + gamma[2] * gamma[2]) - (tilt[0] * drive[0] + tilt[1] * drive[1])
-    stretch = axial * (gamma[0] - 1.0) * (gamma[0] - 1.0) + across
+    stretch, inverse_stretch, section, tilt, left, turn = section_tilt(gamma, phi, inverse_length, stiffness)
+    along = axial * (stretch - 1.0) * (stretch - 1.0)
+    across = section * (left[0] * left[0] + left[1] * left[1]) + tilting * (tilt[0] * tilt[0] + tilt[1] * tilt[1])
     bend = torsion * phi[0] * phi[0] + bending * (phi[1] * phi[1] + phi[2] * phi[2])
-    return 0.5 * (length * stretch + bend)
+    twist = turn * (tilt[0] * phi[1] + tilt[1] * phi[2])
+    return 0.5 * (length * (along + across) + bend) - twist
 
 
 @inline_jit

@@ -107,9 +107,7 @@ def add_element(block, scratch, layout, element, poses, terms, internal_damping,
     mean, bend = scale(0.5, add(old_gamma, new_gamma)), scale(0.5, add(old_phi, new_phi))
     stress, moment = helical_stress(mean, bend, inverse_length, stiffness)
     tension = maximum(stress[0], constant(0.0, length))
-    push = shear * mean[0] - axial * (mean[0] - 1.0)
     straight = shear * tilting / (shear + tilting)
-    sheared = maximum(shear - push * push / (tilting + shear * mean[0] * mean[0]), straight)
     stiffer = constant(1.0, length)
     if internal_damping is not None:
         rate = load(block, DAMPING, lanes) / h
@@ -121,9 +119,8 @@ def add_element(block, scratch, layout, element, poses, terms, internal_damping,
     add3(scratch, b + RIGHT, scale(-1.0, force), lanes)
     add3(scratch, b + RIGHT + 3, torque_b, lanes)
     position, turn_a, turn_b, bend_a, bend_b = strain_jacobian(gamma, phi, geometry, inverse_length)
-    along, pulled = stiffer * axial * length, (sheared + (stiffer - 1.0) * straight) * length
-    across = maximum(pulled - tension * length, straight * length)
-    tied, held = weighted(position, along, pulled), weighted(position, along, across)
+    along, across = stiffer * axial * length, stiffer * straight * length
+    held, tied = weighted(position, along, across), weighted(position, along, across + tension * length)
     add_symmetric(scratch, b, 0, position, tied, lanes)
     add_mixed(scratch, b, 1.0, turn_b, held, lanes)
     add_symmetric(scratch, b, 3, turn_b, weighted(turn_b, along, across), lanes)

@@ -67,30 +67,35 @@ def planar_helical_strain(pose_a, pose_b, inverse_length):
 
 @inline_jit
 def planar_section_tilt(gamma, stiffness):
-    """Tilt of the middle section against the arc, what drives it and the drive over gamma (see ``section_tilt``)."""
+    """Stretch, its inverse, shear stiffness, tilt and shear left of the middle section (see ``section_tilt``)."""
     axial, shear, bending, tilting = stiffness
-    push = shear * gamma[0] - axial * (gamma[0] - 1.0)
-    drive = push * gamma[1]
-    return drive / (tilting + shear * gamma[0] * gamma[0] + axial * gamma[1] * gamma[1]), drive, push
+    stretch = square_root(gamma[0] * gamma[0] + gamma[1] * gamma[1])
+    softened = axial + (shear - axial) * stretch
+    sway = softened * gamma[0]
+    stiff = tilting * stretch + sway * gamma[0]
+    both = 1.0 / (stretch * stiff)
+    inverse_stretch, flexible = both * stiff, both * stretch * stretch * gamma[1]
+    return stretch, inverse_stretch, inverse_stretch * softened, flexible * inverse_stretch * sway, flexible * tilting
 
 
 @inline_jit
 def planar_helical_stress(gamma, phi, stiffness):
     """Stress and moment conjugate to ``gamma`` and ``phi`` (see ``helical_stress``)."""
     axial, shear, bending, tilting = stiffness
-    tilt, drive, push = planar_section_tilt(gamma, stiffness)
-    leant = tilt * gamma[1]
-    along = axial * (gamma[0] - 1.0) + (axial - shear) * leant + shear * gamma[0] * tilt * tilt
-    return (along, shear * gamma[1] - (push - axial * leant) * tilt), bending * phi
+    stretch, inverse_stretch, section, tilt, left = planar_section_tilt(gamma, stiffness)
+    square = inverse_stretch * inverse_stretch * (left * left)
+    pull = axial * (stretch - 1.0 - 0.5 * square) * inverse_stretch
+    across = section * left
+    return (pull * gamma[0] - tilt * across, pull * gamma[1] + across), bending * phi
 
 
 @inline_jit
 def planar_helical_energy(gamma, phi, length, stiffness):
     """Elastic energy of an element, J."""
     axial, shear, bending, tilting = stiffness
-    tilt, drive, push = planar_section_tilt(gamma, stiffness)
-    stretch = axial * (gamma[0] - 1.0) * (gamma[0] - 1.0) + shear * gamma[1] * gamma[1] - tilt * drive
-    return 0.5 * (length * stretch + bending * phi * phi)
+    stretch, inverse_stretch, section, tilt, left = planar_section_tilt(gamma, stiffness)
+    stretched = axial * (stretch - 1.0) * (stretch - 1.0) + section * left * left + tilting * tilt * tilt
+    return 0.5 * (length * stretched + bending * phi * phi)
 
 
 @inline_jit

@@ -15,7 +15,7 @@ def linearise(block, layout: Layout, terms: Terms, gradient, positions, rotation
     """
     size = 6 * layout.num_elements
     residual, band = np.zeros(size), np.zeros((size, BAND))
-    assemble(block, layout, terms, terms.nodal, gradient, positions, rotations, residual, band, True)
+    assemble(block, layout, terms, terms.nodal, gradient, positions, rotations, residual, band, 4)
     stiffness = np.zeros((size, size))
     for i in range(size):
         for k in range(max(0, BAND - 1 - i), BAND):

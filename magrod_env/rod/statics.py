@@ -37,7 +37,7 @@ def relax(block, layout, terms, nodal, gradient, positions, rotations, residual,
     length = positions.shape[0] * block[len(terms.lanes) * (layout.elements + LENGTH)]
     turned = 0.0
     for _ in range(MOST_ITERATIONS):
-        assemble(block, layout, terms, nodal, gradient, positions, rotations, residual, band, True)
+        assemble(block, layout, terms, nodal, gradient, positions, rotations, residual, band, 2)
         if factorise(band) != 0:
             return False
         solve_factored(band, residual)
@@ -54,7 +54,7 @@ def relax(block, layout, terms, nodal, gradient, positions, rotations, residual,
         if turned > LARGEST_TURN:
             return False
         if largest < 1e-11:
-            assemble(block, layout, terms, nodal, gradient, positions, rotations, residual, band, True)
+            assemble(block, layout, terms, nodal, gradient, positions, rotations, residual, band, 2)
             return factorise(band) == 0
     return False
 

@@ -2,7 +2,8 @@
 
 Degrees of freedom of node a = 1..N: displacement (world, m) and rotation (body, rad), 6 a node. The tangent is the
 derivative of the loads by central differences, eight perturbations at a time in the lanes of one block; tests compare
-it with the second derivative of the energy. It is stored by its lower band, 12 wide.
+it with the second derivative of the energy. It is stored by its lower band, 12 wide. Slow vibrations of slender rods
+are small differences of large stiffnesses: for these, differences are extrapolated to order four.
 """
 
 import numpy as np
@@ -14,6 +15,7 @@ from magrod_env.rod.loads import element_loads, load_pose, magnet_loads, store3
 LANES = (0,) * 8
 BAND = 12
 STEP = 2e-6  # of the perturbation: rad, and of an element's length
+LONG_STEP = 2e-5  # the same where differences over this step and twice as much are extrapolated
 
 
 @jit
@@ -78,8 +80,17 @@ def add_entry(band, i, j, value):
 
 
 @jit
-def assemble(block, layout, terms, nodal, gradient, positions, rotations, residual, band, with_tangent):
-    """Residual loads (6 N,) and, if asked, the symmetric part of the tangent (6 N, 12) at a configuration.
+def difference(order, pair):
+    """Step and weight of one of the ``order / 2`` pairs of a central difference of order two or four."""
+    if order == 2:
+        return STEP, 1.0
+    return (LONG_STEP, 4.0 / 3.0) if pair == 0 else (2.0 * LONG_STEP, -1.0 / 3.0)
+
+
+@jit
+def assemble(block, layout, terms, nodal, gradient, positions, rotations, residual, band, order):
+    """Residual loads (6 N,) and the symmetric part of the tangent (6 N, 12) at a configuration, by central differences
+    of ``order`` 2 or 4.
 
     ``block`` holds the rod's constants in all eight lanes. Row 6 (a - 1) + k of the residual is force k (world, N) or
     torque k - 3 (body, N m) on node a.
@@ -92,31 +103,32 @@ def assemble(block, layout, terms, nodal, gradient, positions, rotations, residu
     for element in range(layout.num_elements):
         a, b = 6 * (element - 1), 6 * element
         length = rows[layout.elements + ELEMENT_ROWS * element, 0]
-        for group in range(4 if with_tangent else 1):
+        write_pose(view, 0, positions[element], rotations[element], -1, 0, 0.0, length)
+        write_pose(view, 7, positions[element + 1], rotations[element + 1], -1, 0, 0.0, length)
+        element_lanes(block, layout, element, terms, nodal, scratch, out)
+        for k in range(3):
+            residual[b + k] -= loads[k, 0]
+            residual[b + 3 + k] += loads[6 + k, 0]
+            if element > 0:
+                residual[a + k] += loads[k, 0]
+                residual[a + 3 + k] += loads[3 + k, 0]
+        for group in range(3 * (order // 2)):
+            step, weight = difference(order, group // 3)
             for lane in range(8):
-                direction = 4 * (group - 1) + lane // 2 if group > 0 else -1
-                step = STEP if lane % 2 == 0 else -STEP
+                direction, side = 4 * (group % 3) + lane // 2, step if lane % 2 == 0 else -step
                 on_b = direction - 6 if direction >= 6 else -1
                 on_a = direction if direction < 6 else -1
-                write_pose(view, 0, positions[element], rotations[element], on_a, lane, step, length)
-                write_pose(view, 7, positions[element + 1], rotations[element + 1], on_b, lane, step, length)
+                write_pose(view, 0, positions[element], rotations[element], on_a, lane, side, length)
+                write_pose(view, 7, positions[element + 1], rotations[element + 1], on_b, lane, side, length)
             element_lanes(block, layout, element, terms, nodal, scratch, out)
-            if group == 0:
-                for k in range(3):
-                    residual[b + k] -= loads[k, 0]
-                    residual[b + 3 + k] += loads[6 + k, 0]
-                    if element > 0:
-                        residual[a + k] += loads[k, 0]
-                        residual[a + 3 + k] += loads[3 + k, 0]
-                continue
             for pair in range(4):
-                direction = 4 * (group - 1) + pair
+                direction = 4 * (group % 3) + pair
                 column = a + direction if direction < 6 else b + direction - 6
                 if direction < 6 and element == 0:
                     continue
-                size = 2.0 * STEP * (length if direction % 6 < 3 else 1.0)
+                factor = weight / (2.0 * step * (length if direction % 6 < 3 else 1.0))
                 for k in range(9):
-                    slope = -(loads[k, 2 * pair] - loads[k, 2 * pair + 1]) / size
+                    slope = -factor * (loads[k, 2 * pair] - loads[k, 2 * pair + 1])
                     if k < 6 and element > 0:
                         add_entry(band, a + k, column, slope)
                     if k < 3:
@@ -129,11 +141,11 @@ def assemble(block, layout, terms, nodal, gradient, positions, rotations, residu
             for k in range(3):
                 residual[6 * (node - 1) + k] += mass * rows[GRAVITY + k, 0]
     if terms.magnets is not None:
-        add_magnets(block, layout, terms, gradient, positions, rotations, residual, band, with_tangent)
+        add_magnets(block, layout, terms, gradient, positions, rotations, residual, band)
 
 
 @jit
-def add_magnets(block, layout, terms, gradient, positions, rotations, residual, band, with_tangent):
+def add_magnets(block, layout, terms, gradient, positions, rotations, residual, band):
     """Add the magnets' loads and stiffness."""
     scratch, out = np.zeros(14 * 8), np.zeros(9 * 8)
     view, loads = scratch.reshape(14, 8), out.reshape(9, 8)
@@ -141,7 +153,7 @@ def add_magnets(block, layout, terms, gradient, positions, rotations, residual, 
     for magnet in range(len(layout.magnet_nodes)):
         node = layout.magnet_nodes[magnet]
         first = 6 * (node - 1)
-        for group in range(3 if with_tangent else 1):
+        for group in range(3):
             for lane in range(8):
                 direction = 4 * (group - 1) + lane // 2 if group > 0 else -1
                 direction = direction if direction < 6 else -1

@@ -42,10 +42,7 @@ def test_energies_are_those_of_their_definitions(element):
     elastic, energy = 0.0, helical_energy if element == "helical" else nodal_energy
     with mpmath.workdps(DIGITS):
         for e, h in enumerate(np.diff(simulation.arc_lengths)):
-            shear = rod.shear_stiffness
-            if element == "helical":
-                shear = 1.0 / (1.0 / shear + h**2 / (12.0 * rod.bending_stiffness))
-            stiffness = (rod.axial_stiffness, shear, rod.torsional_stiffness, rod.bending_stiffness)
+            stiffness = (rod.axial_stiffness, rod.shear_stiffness, rod.torsional_stiffness, rod.bending_stiffness)
             quaternions = [np.roll(Rotation.from_matrix(rotations[n]).as_quat(), 1) for n in (e, e + 1)]
             poses = [(positions[n], q) for n, q in zip((e, e + 1), quaternions, strict=True)]
             elastic += float(energy(*frames_and_difference(*poses), mpmath.mpf(float(h)), exact(stiffness)))

@@ -3,7 +3,17 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from magrod_env.rod.elimination import COUPLING, RIGHT, SYSTEM, eliminate_node, factor_node, substitute_node, triangle
+from magrod_env.rod.elimination import (
+    COUPLING,
+    RIGHT,
+    SPATIAL_FREEDOMS,
+    SYSTEM,
+    eliminate_node,
+    factor_node,
+    forward_node,
+    substitute_node,
+    triangle,
+)
 from magrod_env.rod.helical import helical_strain
 from magrod_env.rod.jacobian import strain_jacobian
 from rod.test_elements import LENGTH, all_poses
@@ -65,12 +75,25 @@ def test_elimination_solves_a_block_tridiagonal_system():
             rows[own + RIGHT : own + RIGHT + 6, lane] = right[lane, part]
     scratch = rows.ravel()
     for node in range(1, nodes + 1):
-        factor_node(scratch, SYSTEM * node, lanes)
+        factor_node(scratch, SYSTEM * node, lanes, SPATIAL_FREEDOMS)
         if node < nodes:
-            eliminate_node(scratch, SYSTEM * node, SYSTEM * (node + 1), lanes)
-    substitute_node(scratch, SYSTEM * nodes, None, lanes)
-    for node in range(nodes - 1, 0, -1):
-        substitute_node(scratch, SYSTEM * node, SYSTEM * (node + 1), lanes)
-    solved = rows.reshape(nodes + 1, SYSTEM, 2)[1:, RIGHT : RIGHT + 6]
+            eliminate_node(scratch, SYSTEM * node, SYSTEM * (node + 1), lanes, SPATIAL_FREEDOMS)
+    solved = substituted(rows, nodes, lanes)
     for lane in range(2):
         np.testing.assert_allclose(solved[..., lane].ravel(), np.linalg.solve(dense[lane], right[lane]), rtol=1e-11)
+    again = rng.normal(size=(2, 6 * nodes))
+    solved[:] = np.moveaxis(again.reshape(2, nodes, 6), 0, -1)
+    for node in range(1, nodes + 1):
+        forward_node(scratch, SYSTEM * node, SYSTEM * (node - 1) if node > 1 else None, lanes, SPATIAL_FREEDOMS)
+    solved = substituted(rows, nodes, lanes)
+    for lane in range(2):
+        np.testing.assert_allclose(solved[..., lane].ravel(), np.linalg.solve(dense[lane], again[lane]), rtol=1e-11)
+
+
+def substituted(rows, nodes, lanes):
+    """The solution, a view of the right-hand sides (nodes, 6, lanes)."""
+    scratch = rows.ravel()
+    substitute_node(scratch, SYSTEM * nodes, None, lanes, SPATIAL_FREEDOMS)
+    for node in range(nodes - 1, 0, -1):
+        substitute_node(scratch, SYSTEM * node, SYSTEM * (node + 1), lanes, SPATIAL_FREEDOMS)
+    return rows.reshape(nodes + 1, SYSTEM, 2)[1:, RIGHT : RIGHT + 6]

@@ -28,10 +28,7 @@ def residual(simulation, element, positions, quaternions):
     rod, scene = simulation.scene.rod, simulation.scene
     out = np.zeros((len(positions), 6))
     for e, h in enumerate(np.diff(simulation.arc_lengths)):
-        shear = rod.shear_stiffness
-        if element == "helical":
-            shear = 1.0 / (1.0 / shear + h**2 / (12.0 * rod.bending_stiffness))
-        stiffness = (rod.axial_stiffness, shear, rod.torsional_stiffness, rod.bending_stiffness)
+        stiffness = (rod.axial_stiffness, rod.shear_stiffness, rod.torsional_stiffness, rod.bending_stiffness)
         poses = [(positions[n], quaternions[n]) for n in (e, e + 1)]
         energy = helical_energy if element == "helical" else nodal_energy
         force, torque_a, torque_b = exact_loads(energy, *poses, h, stiffness)

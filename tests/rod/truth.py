@@ -68,10 +68,30 @@ def stretch_energy(gamma, EA, GA):
 
 
 def helical_energy(frame_a, frame_b, difference, length, stiffness):
+    """Screw motion whose middle section is tilted by z, which takes the value of least energy.
+
+    Stretch L = |gamma|; the shear that a tilt leaves, gamma - gamma_1 z, against GA - N/L; the tilt against
+    12 EI/h^2, driven by (EI - GJ) kappa_1 kappa.
+    """
     EA, GA, GJ, EI = stiffness
     gamma, phi = helical_strains(frame_a, frame_b, difference, length)
-    bend = GJ * phi[0] ** 2 + EI * (phi[1] ** 2 + phi[2] ** 2)
-    return length / 2 * stretch_energy(gamma, EA, GA) + bend / (2 * length)
+    kappa = phi / length
+    stretch = mpmath.norm(gamma)
+    section = GA - EA * (stretch - 1) / stretch
+    tilting = 12 * EI / length**2
+
+    def energy(z):
+        left = [gamma[k + 1] - gamma[0] * z[k] for k in range(2)]
+        across = section * (left[0] ** 2 + left[1] ** 2) + tilting * (z[0] ** 2 + z[1] ** 2)
+        twist = (EI - GJ) * kappa[0] * (kappa[1] * z[0] + kappa[2] * z[1])
+        bend = GJ * kappa[0] ** 2 + EI * (kappa[1] ** 2 + kappa[2] ** 2)
+        return length / 2 * (EA * (stretch - 1) ** 2 + across + bend - 2 * twist)
+
+    def least(k):  # a parabola in each of the two angles, and no product of them
+        before, here, after = (energy([i if n == k else 0 for n in range(2)]) for i in (-1, 0, 1))
+        return (before - after) / (2 * (before + after - 2 * here))
+
+    return energy([least(0), least(1)])
 
 
 def nodal_energy(frame_a, frame_b, difference, length, stiffness):
@@ -121,19 +141,3 @@ def exact_strains(pose_a, pose_b, length):
     with mpmath.workdps(DIGITS):
         gamma, phi = helical_strains(*frames_and_difference(pose_a, pose_b), mpmath.mpf(float(length)))
         return np.array([float(x) for x in gamma]), np.array([float(x) for x in phi])
-
-
-def exact_strain_rates(pose_a, pose_b, length, velocity, spin_a, spin_b):
-    """Rates of the helical element's strains; ``velocity`` of b relative to a (world), spins in the body frames."""
-    with mpmath.workdps(DIGITS):
-        frame_a, frame_b, difference = frames_and_difference(pose_a, pose_b)
-        spin_a, spin_b, velocity = exact(spin_a), exact(spin_b), exact(velocity)
-        h = mpmath.mpf(float(length))
-
-        def strains(time):
-            a, b = frame_a * exponential(time * spin_a), frame_b * exponential(time * spin_b)
-            return helical_strains(a, b, difference + time * velocity, h)
-
-        after, before = strains(STEP), strains(-STEP)
-        rates = [(after[k] - before[k]) / (2 * STEP) for k in range(2)]
-        return tuple(np.array([float(x) for x in rate]) for rate in rates)
