@@ -13,7 +13,7 @@ from magrod_env.estimation.equilibria import find_shapes
 from magrod_env.estimation.modes import slow_modes
 from magrod_env.estimation.unknowns import Unknown, Unknowns
 from magrod_env.rod.batch import PLANE_AXES
-from magrod_env.rod.layout import AXIAL, BENDING, DRAG, ELEMENT_ROWS, GRAVITY, LENGTH, SHEAR, TILT, TORSION
+from magrod_env.rod.layout import AXIAL, BENDING, DRAG, ELEMENT_ROWS, GRAVITY, LENGTH, SHEAR, SWAY, TILT, TORSION
 from magrod_env.scene import Scene
 from magrod_env.simulation import Simulation, SimulationDiverged, StabilityError
 
@@ -65,7 +65,7 @@ class Members:
         self.gravity = np.array(loaded.gravity)
         batch = self.simulation._batch
         self.lengths = batch.gather(batch.layout.elements, ELEMENT_ROWS * self.num_elements)[0, LENGTH::ELEMENT_ROWS]
-        kinds = np.array([AXIAL, SHEAR, BENDING, TORSION, TILT])
+        kinds = np.array([AXIAL, SHEAR, BENDING, TORSION, TILT, SWAY])
         elements = batch.layout.elements + ELEMENT_ROWS * np.arange(self.num_elements)
         self._stiff_rows = (elements[:, None] + kinds).ravel()
         self._stiffness = batch.rows[0, self._stiff_rows, 0].copy()

@@ -423,6 +423,13 @@ def share_due(boundary, num_steps):
 
 
 @inline_jit
+def damp_if_present(block, scratch, layout, terms, planar, span):
+    """Damp the motion over ``span`` s where there is internal damping: where ``scratch`` is not None."""
+    if scratch is not None:
+        damp(block, scratch, layout, terms, planar, span)
+
+
+@inline_jit
 def damp_if_due(block, scratch, layout, terms, planar, boundary, num_steps, time_step):
     """Damp what is due between two steps (see ``share_due``)."""
     due = share_due(boundary, num_steps)

@@ -8,7 +8,8 @@ rate; derived in docs/physics.md.
 import numpy as np
 
 from magrod_env._jit import inline_jit, jit
-from magrod_env._simd import constant, load, maximum, store
+from magrod_env._simd import constant, load, maximum, square_root, store
+from magrod_env.rod.damping import damp_if_present, damping_scratch
 from magrod_env.rod.elimination import (
     COUPLING,
     RIGHT,
@@ -22,17 +23,16 @@ from magrod_env.rod.elimination import (
 )
 from magrod_env.rod.energy import OK
 from magrod_env.rod.halfstep import END, MIDDLE, NODE, STRAIN, begin_node, finish, move_half_step, predict
-from magrod_env.rod.helical import helical_loads, helical_strain, helical_stress
-from magrod_env.rod.jacobian import strain_jacobian, weighted, weighted1
+from magrod_env.rod.helical import arch_stiffness, helical_loads, helical_strain, helical_stress
+from magrod_env.rod.jacobian import strain_jacobian, weighted
 from magrod_env.rod.layout import (
-    DAMPING,
     ELEMENT_ROWS,
     FIELD,
     INVERSE_LENGTH,
     LENGTH,
 )
 from magrod_env.rod.loads import load3, load_pose, local_field, magnet_loads, node_row, section_stiffness, store3
-from magrod_env.rod.so3 import add, dot, matrix, rotate_back, scale, subtract
+from magrod_env.rod.so3 import add, add_scaled, dot, matrix, rotate_back, scale
 
 UNSOLVED = 5  # status of a rod, beside those of the watchdog
 TOLERANCE = 1e-8  # of a half step: rad, and of the first element's length
@@ -93,42 +93,40 @@ def add_magnet(block, scratch, layout, magnet, terms, gradient):
 
 
 @inline_jit
-def add_element(block, scratch, layout, element, poses, terms, internal_damping, h):
+def add_element(block, scratch, layout, element, poses, terms):
     """Loads and material stiffness of an element; ``poses`` of a and b at the middle, then at the end of the step."""
     lanes = terms.lanes
     row = layout.elements + ELEMENT_ROWS * element
     a, b = NODE * element, NODE * (element + 1)
     length, inverse_length = load(block, row + LENGTH, lanes), load(block, row + INVERSE_LENGTH, lanes)
     stiffness = section_stiffness(block, row, lanes, None)
-    axial, shear, bending, torsion, tilting = stiffness
+    axial, shear, bending, torsion, tilting, bow, skew, arch, sway = stiffness
     gamma, phi, geometry = helical_strain(poses[0], poses[1], inverse_length)
     old_gamma, old_phi = load3(scratch, b + STRAIN, lanes), load3(scratch, b + STRAIN + 3, lanes)
     new_gamma, new_phi, unused = helical_strain(poses[2], poses[3], inverse_length)
     mean, bend = scale(0.5, add(old_gamma, new_gamma)), scale(0.5, add(old_phi, new_phi))
-    stress, moment = helical_stress(mean, bend, inverse_length, stiffness)
+    stress, moment = helical_stress(mean, bend, length, inverse_length, stiffness)
+    short = square_root(dot(mean, mean))
+    longer = 0.5 * (square_root(dot(old_gamma, old_gamma)) + square_root(dot(new_gamma, new_gamma))) - short
+    share, stiffening, unused = arch_stiffness(bend[1] * bend[1] + bend[2] * bend[2], short - 1.0, skew, arch)
+    softer = axial * share
+    stress = add_scaled(stress, softer * longer / short, mean)  # a mean of strains is shorter than a strain
     tension = maximum(stress[0], constant(0.0, length))
     straight = shear * tilting / (shear + tilting)
-    stiffer = constant(1.0, length)
-    if internal_damping is not None:
-        rate = load(block, DAMPING, lanes) / h
-        stretching, bending_rate = subtract(new_gamma, old_gamma), subtract(new_phi, old_phi)
-        stress = add(stress, weighted1(scale(rate, stretching), axial, straight))
-        moment = add(moment, weighted1(scale(rate, bending_rate), torsion, bending))
-        stiffer = stiffer + 2.0 * rate
     force, torque_a, torque_b = helical_loads(gamma, phi, geometry, stress, moment, length)
     add3(scratch, b + RIGHT, scale(-1.0, force), lanes)
     add3(scratch, b + RIGHT + 3, torque_b, lanes)
     position, turn_a, turn_b, bend_a, bend_b = strain_jacobian(gamma, phi, geometry, inverse_length)
-    along, across = stiffer * axial * length, stiffer * straight * length
+    along, across = softer * length, straight * length
     held, tied = weighted(position, along, across), weighted(position, along, across + tension * length)
     add_symmetric(scratch, b, 0, position, tied, lanes)
     add_mixed(scratch, b, 1.0, turn_b, held, lanes)
     add_symmetric(scratch, b, 3, turn_b, weighted(turn_b, along, across), lanes)
-    add_symmetric(scratch, b, 3, bend_b, weighted(bend_b, stiffer * torsion, stiffer * bending), lanes)
+    add_symmetric(scratch, b, 3, bend_b, weighted(bend_b, torsion, bending), lanes)
     if element > 0:
         add3(scratch, a + RIGHT, force, lanes)
         add3(scratch, a + RIGHT + 3, torque_a, lanes)
-        twisted, curved = weighted(turn_a, along, across), weighted(bend_a, stiffer * torsion, stiffer * bending)
+        twisted, curved = weighted(turn_a, along, across), weighted(bend_a, torsion, bending)
         add_symmetric(scratch, a, 0, position, tied, lanes)
         add_mixed(scratch, a, -1.0, turn_a, held, lanes)
         add_symmetric(scratch, a, 3, turn_a, twisted, lanes)
@@ -144,7 +142,7 @@ def add_element(block, scratch, layout, element, poses, terms, internal_damping,
 
 
 @jit
-def iterate(block, scratch, layout, terms, gradient, internal_damping, h):
+def iterate(block, scratch, layout, terms, gradient, h):
     """One Newton iteration; the square of its largest increment goes to the first row of the scratch."""
     lanes, last = terms.lanes, layout.num_elements
     for node in range(1, last + 1):
@@ -161,7 +159,7 @@ def iterate(block, scratch, layout, terms, gradient, internal_damping, h):
             load_pose(scratch, own + END, lanes, None),
         )
         poses = (middle, next_middle, end, next_end)
-        add_element(block, scratch, layout, element, poses, terms, internal_damping, h)
+        add_element(block, scratch, layout, element, poses, terms)
         middle, end = next_middle, next_end
         if element > 0:
             factor_node(scratch, NODE * element, lanes, SPATIAL_FREEDOMS)
@@ -198,7 +196,7 @@ def solve_step(block, scratch, layout, terms, h, ahead, status, rod):
     predict(block, scratch, layout, terms, h, ahead)
     before = 0.0
     for _ in range(MOST_ITERATIONS):
-        iterate(block, scratch, layout, terms, terms.gradient, terms.internal_damping, h)
+        iterate(block, scratch, layout, terms, terms.gradient, h)
         largest = largest_increment(block, scratch, layout, len(terms.lanes), status, rod)
         if largest == 0.0 or (largest / before if before > 0.0 else 1.0) * largest <= TOLERANCE * TOLERANCE:
             return True
@@ -213,15 +211,18 @@ def run_implicit(blocks, first, last, layout, terms, num_steps, time_step, share
     """Step lane blocks ``first`` to ``last`` (exclusive) of ``blocks`` (num_blocks, rows * L) ``num_steps`` times.
 
     A step of ``time_step`` s is made of midpoint steps of ``shares`` of it; one that is not solved is cut in halves.
+    Internal damping acts between steps, and for half a step before the first and after the last.
     ``fields`` (num_blocks, num_steps, 3 * L) T is the field during each step; None leaves it as it is. ``status``
     (num_rods,) of rods that stay unsolved becomes UNSOLVED.
     """
     lanes = len(terms.lanes)
     scratch = np.zeros((layout.num_elements + 1) * NODE * lanes)
+    damped = damping_scratch(blocks, layout, None, terms.internal_damping, terms.lanes)
     for b in range(first, last):
         scratch[:] = 0.0
         before = 0.0
         for step in range(num_steps):
+            damp_if_present(blocks[b], damped, layout, terms, None, time_step if step > 0 else 0.5 * time_step)
             if fields is not None:
                 store3(blocks[b], FIELD, load3(fields[b][step], 0, terms.lanes), terms.lanes)
             for share in shares:
@@ -239,3 +240,4 @@ def run_implicit(blocks, first, last, layout, terms, num_steps, time_step, share
                                 status[rod] = UNSOLVED
                     finish(blocks[b], scratch, layout, terms, h, ahead if abs(ahead) > LEAST_SPAN * abs(h) else 0.0)
                     done, before = done + 1, h
+        damp_if_present(blocks[b], damped, layout, terms, None, 0.5 * time_step)

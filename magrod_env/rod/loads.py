@@ -16,6 +16,7 @@ from magrod_env.rod.layout import (
     LENGTH,
     PLANAR,
     SHEAR,
+    SKEW,
     SPATIAL,
     TILT,
     TORSION,
@@ -121,11 +122,11 @@ def bend_cosine(pose_a, pose_b, planar):
 @inline_jit
 def section_stiffness(block, row, lanes, planar):
     """Stiffness of the element at ``row`` as ``helical_stress`` (planar: ``planar_helical_stress``) takes it."""
-    axial, shear = load2(block, row + AXIAL, lanes)
-    bending, tilting = load(block, row + BENDING, lanes), load(block, row + TILT, lanes)
+    first = load2(block, row + AXIAL, lanes) + (load(block, row + BENDING, lanes),)
+    last = load2(block, row + TILT, lanes) + load3(block, row + SKEW, lanes)
     if planar is None:
-        return axial, shear, bending, load(block, row + TORSION, lanes), tilting
-    return axial, shear, bending, tilting
+        return first + (load(block, row + TORSION, lanes),) + last
+    return first + last
 
 
 @inline_jit
@@ -136,10 +137,10 @@ def helical_element(block, layout, element, pose_a, pose_b, lanes, planar):
     stiffness = section_stiffness(block, row, lanes, planar)
     if planar is None:
         gamma, phi, geometry = helical_strain(pose_a, pose_b, inverse_length)
-        stress, moment = helical_stress(gamma, phi, inverse_length, stiffness)
+        stress, moment = helical_stress(gamma, phi, length, inverse_length, stiffness)
         return helical_loads(gamma, phi, geometry, stress, moment, length)
     gamma, phi, geometry = planar_helical_strain(pose_a, pose_b, inverse_length)
-    stress, moment = planar_helical_stress(gamma, phi, stiffness)
+    stress, moment = planar_helical_stress(gamma, phi, length, stiffness)
     return planar_helical_loads(gamma, phi, geometry, stress, moment, length)
 
 

@@ -10,14 +10,18 @@ import numpy as np
 
 from magrod_env._jit import jit
 from magrod_env.rod.layout import (
+    ARCH,
     AXIAL,
     BENDING,
+    BOW,
     ELEMENT_ROWS,
     INVERSE_LENGTH,
     LENGTH,
     PLANAR,
     SHEAR,
+    SKEW,
     SPATIAL,
+    SWAY,
     TILT,
     TORSION,
 )
@@ -68,13 +72,36 @@ def arc_lengths(ends, counts):
 
 
 @jit
+def add_end_correction(weights, arc):
+    """Add the Euler-Maclaurin term -(h^2/12) df + (h^4/720) d3f of the free end to quadrature weights, in place.
+
+    The derivatives are those of the polynomial through the four nearest nodes (with two elements: three, df alone).
+    """
+    last = len(arc) - 1
+    count, h = min(4, last + 1), arc[last] - arc[last - 1]
+    for k in range(count):
+        beside, slope = 1.0, 0.0 if k == 0 else 1.0
+        for j in range(count):
+            if j == k:
+                continue
+            beside *= arc[last - k] - arc[last - j]
+            if k == 0:
+                slope += 1.0 / (arc[last] - arc[last - j])
+            elif j > 0:
+                slope *= arc[last] - arc[last - j]
+        first = slope if k == 0 else slope / beside
+        third = 6.0 / beside if count == 4 else 0.0
+        weights[last - k] += h * h * (-first / 12.0 + h * h * third / 720.0)
+
+
+@jit
 def lumped_lengths(arc, corrected):
     """Length of rod that each node carries, shape (num_nodes,), m: weights of a quadrature along the rod.
 
-    Plain: the trapezoidal rule. Corrected: with the Euler-Maclaurin end terms -(h^2/12) f' of every piece of constant
-    h, f' from the three nearest nodes. At the clamp f' = 0; at the free end of a uniform rod this gives Gregory's
-    weights 3/8, 7/6, 23/24; with one or two elements the integrand's zero and zero slope at the clamp take the missing
-    nodes' place.
+    Plain: the trapezoidal rule. Corrected: with the Euler-Maclaurin terms of every piece of constant h, between pieces
+    -(h^2/12) df with the slope from the three nearest nodes, at the free end ``add_end_correction``, which gives
+    Gregory's weights 251/720, 299/240, 211/240, 739/720 to a uniform rod. At the clamp the slope is zero; with one
+    element the integrand's zero and zero slope there take the missing nodes' place.
     """
     last = len(arc) - 1
     weights = np.zeros(last + 1)
@@ -94,11 +121,7 @@ def lumped_lengths(arc, corrected):
         weights[node + 1] += factor * before / after
         weights[node - 1] -= factor * after / before
         weights[node] += factor * (after / before - before / after)
-    h, reach = arc[last] - arc[last - 1], arc[last] - arc[last - 2]
-    factor = -h * h / 12.0
-    weights[last] += factor * (1.0 / h + 1.0 / reach)
-    weights[last - 1] -= factor * reach / (h * (reach - h))
-    weights[last - 2] += factor * h / (reach * (reach - h))
+    add_end_correction(weights, arc)
     share = 1.0  # of the correction: all of it unless a short segment beside a long one would make a node too light
     for node in range(1, last + 1):
         if weights[node] < 0.5 * plain[node]:
@@ -110,7 +133,11 @@ def lumped_lengths(arc, corrected):
 def write_rod(rows, lane, layout, counts, values, planar, nodal):
     """Write one rod's constants into lane ``lane`` of a block ``rows`` (num_rows, L), and lay it straight and at rest.
 
-    The helical element gets corrected masses, the nodal element those of the paper.
+    The helical element gets corrected masses, the nodal element those of the paper, and stiffness that is small of
+    fourth order (docs/physics.md), with GA* = 1/(1/GA + h^2/(12 EI)): a tilted section bows the chord, which is shorter
+    by ``bow`` of the shear squared; the axial force of a bent element shears its ends (``skew``) and flattens its arch
+    (``arch``), of the bend squared; shear in the plane of the bend meets less stiffness, by ``sway`` (N) of the bend
+    squared.
     """
     arc = arc_lengths(values.ends, counts)
     carried = lumped_lengths(arc, nodal is None)
@@ -137,7 +164,15 @@ def write_rod(rows, lane, layout, counts, values, planar, nodal):
         rows[row + SHEAR, lane] = values.shear
         rows[row + BENDING, lane] = values.bending / h
         rows[row + TORSION, lane] = values.torsion / h
-        rows[row + TILT, lane] = 12.0 * values.bending / (h * h) if nodal is None else 0.0
+        if nodal is None:
+            tilting = 12.0 * values.bending / (h * h)
+            corrected = values.shear * tilting / (values.shear + tilting)
+            tilted = corrected / tilting
+            rows[row + TILT, lane] = tilting
+            rows[row + BOW, lane] = 0.1 * tilted * tilted
+            rows[row + SKEW, lane] = values.axial / (12.0 * values.shear)
+            rows[row + ARCH, lane] = values.axial / (60.0 * tilting)
+            rows[row + SWAY, lane] = corrected * (tilted / 30.0 + corrected / (12.0 * values.axial))
     for magnet in range(len(layout.magnet_nodes)):
         for axis in range(3):
             rows[layout.magnets + 3 * magnet + axis, lane] = values.magnet_moments[magnet, axis]

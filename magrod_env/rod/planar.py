@@ -7,7 +7,7 @@ rotation.py with every out-of-plane number left out.
 
 from magrod_env._jit import inline_jit
 from magrod_env._simd import square_root
-from magrod_env.rod.helical import strain_slope
+from magrod_env.rod.helical import arch_stiffness, strain_slope
 from magrod_env.rod.so3 import half_angle_series
 
 
@@ -67,35 +67,42 @@ def planar_helical_strain(pose_a, pose_b, inverse_length):
 
 @inline_jit
 def planar_section_tilt(gamma, stiffness):
-    """Stretch, its inverse, shear stiffness, tilt and shear left of the middle section (see ``section_tilt``)."""
-    axial, shear, bending, tilting = stiffness
+    """Stretch, its inverse, shear stiffness, tilt, and the shear that it leaves (see ``section_tilt``)."""
+    axial, shear, bending, tilting, bow, skew, arch, sway = stiffness
     stretch = square_root(gamma[0] * gamma[0] + gamma[1] * gamma[1])
     softened = axial + (shear - axial) * stretch
-    sway = softened * gamma[0]
-    stiff = tilting * stretch + sway * gamma[0]
+    stiff = tilting * stretch + softened * gamma[0] * gamma[0]
     both = 1.0 / (stretch * stiff)
     inverse_stretch, flexible = both * stiff, both * stretch * stretch * gamma[1]
-    return stretch, inverse_stretch, inverse_stretch * softened, flexible * inverse_stretch * sway, flexible * tilting
+    section = inverse_stretch * softened
+    return stretch, inverse_stretch, section, flexible * section * gamma[0], flexible * tilting
 
 
 @inline_jit
-def planar_helical_stress(gamma, phi, stiffness):
+def planar_helical_stress(gamma, phi, length, stiffness):
     """Stress and moment conjugate to ``gamma`` and ``phi`` (see ``helical_stress``)."""
-    axial, shear, bending, tilting = stiffness
+    axial, shear, bending, tilting, bow, skew, arch, sway = stiffness
     stretch, inverse_stretch, section, tilt, left = planar_section_tilt(gamma, stiffness)
+    extension = stretch + bow * (gamma[1] * gamma[1]) - 1.0
+    share, stiffening, by_square = arch_stiffness(phi * phi, extension, skew, arch)
+    force = axial * extension
+    tension = force * share + 0.5 * force * stiffening
     square = inverse_stretch * inverse_stretch * (left * left)
-    pull = axial * (stretch - 1.0 - 0.5 * square) * inverse_stretch
-    across = section * left
-    return (pull * gamma[0] - tilt * across, pull * gamma[1] + across), bending * phi
+    pull = inverse_stretch * (tension - 0.5 * axial * square)
+    across, curl = section * left, sway * (gamma[1] * phi)
+    moment = (bending + length * by_square * force * extension) * phi - length * curl * gamma[1]
+    return (pull * gamma[0] - tilt * across, (pull + 2.0 * bow * tension) * gamma[1] + across - curl * phi), moment
 
 
 @inline_jit
 def planar_helical_energy(gamma, phi, length, stiffness):
     """Elastic energy of an element, J."""
-    axial, shear, bending, tilting = stiffness
+    axial, shear, bending, tilting, bow, skew, arch, sway = stiffness
     stretch, inverse_stretch, section, tilt, left = planar_section_tilt(gamma, stiffness)
-    stretched = axial * (stretch - 1.0) * (stretch - 1.0) + section * left * left + tilting * tilt * tilt
-    return 0.5 * (length * stretched + bending * phi * phi)
+    extension, curl = stretch + bow * (gamma[1] * gamma[1]) - 1.0, gamma[1] * phi
+    along = axial * extension * extension * arch_stiffness(phi * phi, extension, skew, arch)[0]
+    across = section * left * left + tilting * tilt * tilt - sway * curl * curl
+    return 0.5 * (length * (along + across) + bending * phi * phi)
 
 
 @inline_jit

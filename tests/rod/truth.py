@@ -70,22 +70,32 @@ def stretch_energy(gamma, EA, GA):
 def helical_energy(frame_a, frame_b, difference, length, stiffness):
     """Screw motion whose middle section is tilted by z, which takes the value of least energy.
 
-    Stretch L = |gamma|; the shear that a tilt leaves, gamma - gamma_1 z, against GA - N/L; the tilt against
-    12 EI/h^2, driven by (EI - GJ) kappa_1 kappa.
+    Stretch L = |gamma|; the shear that a tilt leaves, gamma - gamma_1 z, against GA - EA (1 - 1/L); the tilt against
+    12 EI/h^2, driven by (EI - GJ) kappa_1 kappa. Of fourth order: the chord's bow, the arch, the shear in the plane of
+    the bend.
     """
     EA, GA, GJ, EI = stiffness
     gamma, phi = helical_strains(frame_a, frame_b, difference, length)
     kappa = phi / length
     stretch = mpmath.norm(gamma)
+    bend, sheared = phi[1] ** 2 + phi[2] ** 2, gamma[1] ** 2 + gamma[2] ** 2
     section = GA - EA * (stretch - 1) / stretch
     tilting = 12 * EI / length**2
+    corrected = 1 / (1 / GA + 1 / tilting)
+    bowed = (corrected / tilting) ** 2 * sheared / 10
+    straight = 1 / EA + bend * (1 / GA + 1 / (5 * tilting)) / 12
+    pulled = max((stretch + bowed - 1) / straight, 0) * 2 / 7
+    flexible = 1 / EA + bend * (1 / GA + 1 / (5 * (tilting + pulled))) / 12
+    inside = (gamma[1] * phi[2] - gamma[2] * phi[1]) ** 2
+    along = (stretch + bowed - 1) ** 2 / flexible
+    along -= inside * corrected**2 * (1 / (30 * tilting) + 1 / (12 * EA))
 
     def energy(z):
         left = [gamma[k + 1] - gamma[0] * z[k] for k in range(2)]
         across = section * (left[0] ** 2 + left[1] ** 2) + tilting * (z[0] ** 2 + z[1] ** 2)
         twist = (EI - GJ) * kappa[0] * (kappa[1] * z[0] + kappa[2] * z[1])
-        bend = GJ * kappa[0] ** 2 + EI * (kappa[1] ** 2 + kappa[2] ** 2)
-        return length / 2 * (EA * (stretch - 1) ** 2 + across + bend - 2 * twist)
+        turned = GJ * kappa[0] ** 2 + EI * (kappa[1] ** 2 + kappa[2] ** 2)
+        return length / 2 * (along + across + turned - 2 * twist)
 
     def least(k):  # a parabola in each of the two angles, and no product of them
         before, here, after = (energy([i if n == k else 0 for n in range(2)]) for i in (-1, 0, 1))
