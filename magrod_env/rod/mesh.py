@@ -75,10 +75,13 @@ def arc_lengths(ends, counts):
 def add_end_correction(weights, arc):
     """Add the Euler-Maclaurin term -(h^2/12) df + (h^4/720) d3f of the free end to quadrature weights, in place.
 
-    The derivatives are those of the polynomial through the four nearest nodes (with two elements: three, df alone).
+    The derivatives are those of the polynomial through the four nearest nodes; where these are not evenly spaced, which
+    a magnet among them may bring about, or the clamp is one of them, through the three nearest, and df alone.
     """
     last = len(arc) - 1
-    count, h = min(4, last + 1), arc[last] - arc[last - 1]
+    h = arc[last] - arc[last - 1]
+    even = last > 3 and abs(arc[last] - arc[last - 3] - 3.0 * h) < 1e-9 * h
+    count = 4 if even else 3
     for k in range(count):
         beside, slope = 1.0, 0.0 if k == 0 else 1.0
         for j in range(count):
