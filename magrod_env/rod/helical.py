@@ -11,7 +11,7 @@ Derived in docs/physics.md; every force is checked against the gradient of the e
 """
 
 from magrod_env._jit import inline_jit
-from magrod_env._simd import maximum, square_root
+from magrod_env._simd import square_root
 from magrod_env.rod.so3 import (
     add,
     add_scaled,
@@ -25,8 +25,6 @@ from magrod_env.rod.so3 import (
     scale,
     subtract,
 )
-
-PULLED = 120.0 / 7.0  # of ``arch`` EA = EA/(60 x 12 EI/h^2): 2/7 of EA/(12 EI/h^2)
 
 
 @inline_jit
@@ -79,49 +77,30 @@ def unwind(v, phi, a, sinc_inverse):
 
 
 @inline_jit
-def section_tilt(gamma, phi, inverse_length, stiffness):
-    """Tilt of the middle section and what follows from it, shared by ``helical_stress`` and ``helical_energy``.
+def section_state(gamma, phi, inverse_length, stiffness):
+    """Stretch, tilt and what follows from them, shared by ``helical_stress`` and ``helical_energy``.
 
-    ``stiffness`` is (EA, GA, EI/h, GJ/h, 12 EI/h^2, bow, skew, arch, sway), the last four of ``mesh.write_rod``.
-    A tilt z (two angles) costs T = 12 EI/h^2; the shear that it leaves, s = gamma - gamma_1 z, meets the section's
-    stiffness S = GA - EA (1 - 1/L), with the stretch L = |gamma|; and q = (EI - GJ) phi_1 phi/h^2 drives it where the
-    rod twists. The minimum of S s^2 + T z^2 - 2 q.z has (T + S gamma_1^2) z = S gamma_1 gamma + q.
+    ``stiffness`` is (EA, GA, EI/h, GJ/h, 12 EI/h^2, sway), the last of ``mesh.write_rod``. A tilt z (two
+    angles) costs T = 12 EI/h^2; the shear that it leaves, s = gamma - gamma_1 z, meets the section's stiffness
+    S = GA - EA (1 - 1/L), with the stretch L = |gamma|; and q = (EI - GJ) phi_1 phi/h^2 drives it where the rod twists.
+    The minimum of S s^2 + T z^2 - 2 q.z has (T + S gamma_1^2) z = S gamma_1 gamma + q.
 
-    Returns L, 1/L, S, the transverse parts of z and s, and h q/kappa.
+    Returns 1/L, S, the transverse parts of z and s, h q/kappa, and the axial strain.
     """
-    axial, shear, bending, torsion, tilting, bow, skew, arch, sway = stiffness
+    axial, shear, bending, torsion, tilting, sway = stiffness
     stretch = square_root(dot(gamma, gamma))
-    softened = axial + (shear - axial) * stretch  # S L
-    leaning = softened * gamma[0]
-    stiff = tilting * stretch + leaning * gamma[0]
+    section = axial + (shear - axial) * stretch  # S L
+    leaning = section * gamma[0]
+    stiff = tilting * stretch + leaning * gamma[0]  # (T + S gamma_1^2) L
     both = 1.0 / (stretch * stiff)
-    inverse_stretch, flexible = both * stiff, both * stretch * stretch
+    flexible, inverse_stretch = both * stretch, both * stiff
     turn = (bending - torsion) * phi[0]
-    share = inverse_length * turn
+    share = stretch * (inverse_length * turn)
     slope = share * phi[1], share * phi[2]
-    sheared = inverse_stretch * leaning
-    tilt = flexible * (sheared * gamma[1] + slope[0]), flexible * (sheared * gamma[2] + slope[1])
-    left = flexible * (tilting * gamma[1] - gamma[0] * slope[0]), flexible * (tilting * gamma[2] - gamma[0] * slope[1])
-    return stretch, inverse_stretch, inverse_stretch * softened, tilt, left, turn
-
-
-@inline_jit
-def arch_stiffness(square, extension, skew, arch):
-    """Axial stiffness of an element bent by an angle whose square is ``square``, over EA, its derivative by the
-    extension times the extension, and that by the square.
-
-    1/(1 + skew phi^2 + arch phi^2/(1 + n)): its ends shear, and its arch flattens, the less the more tension
-    n = (2/7) N/(12 EI/h^2) straightens it. N is here EA extension/(1 + (skew + arch) phi^2), none where negative.
-    """
-    whole, flattening = 1.0 + skew * square, arch * square
-    both = whole + flattening
-    pulling = PULLED * arch * maximum(extension, 0.0 * square)
-    pulled = both + pulling
-    inverse = 1.0 / (whole * pulled + flattening * both)
-    share = pulled * inverse
-    rest = flattening * both * inverse
-    by_square = inverse * (rest * (skew + arch) - share * (pulled * skew + both * arch + flattening * (skew + arch)))
-    return share, inverse * rest * pulling, by_square
+    bent = tilting * stretch
+    tilt = flexible * (leaning * gamma[1] + slope[0]), flexible * (leaning * gamma[2] + slope[1])
+    left = flexible * (bent * gamma[1] - gamma[0] * slope[0]), flexible * (bent * gamma[2] - gamma[0] * slope[1])
+    return inverse_stretch, inverse_stretch * section, tilt, left, turn, stretch - 1.0
 
 
 @inline_jit
@@ -129,27 +108,23 @@ def helical_stress(gamma, phi, length, inverse_length, stiffness):
     """Stress (mid-frame force, N) and moment (N m) conjugate to ``gamma`` and ``phi``: derivatives of
     ``helical_energy``.
     """
-    axial, shear, bending, torsion, tilting, bow, skew, arch, sway = stiffness
-    stretch, inverse_stretch, section, tilt, left, turn = section_tilt(gamma, phi, inverse_length, stiffness)
-    extension = stretch + bow * (gamma[1] * gamma[1] + gamma[2] * gamma[2]) - 1.0
-    share, stiffening, by_square = arch_stiffness(phi[1] * phi[1] + phi[2] * phi[2], extension, skew, arch)
-    force = axial * extension
-    tension = force * share + 0.5 * force * stiffening
+    axial, shear, bending, torsion, tilting, sway = stiffness
+    inverse_stretch, section, tilt, left, turn, extension = section_state(gamma, phi, inverse_length, stiffness)
+    tension = axial * extension
     square = inverse_stretch * inverse_stretch * (left[0] * left[0] + left[1] * left[1])
     pull = inverse_stretch * (tension - 0.5 * axial * square)
     across = section * left[0], section * left[1]
-    sideways = pull + 2.0 * bow * tension
     curl = sway * (gamma[1] * phi[2] - gamma[2] * phi[1])
     stress = (
         pull * gamma[0] - (tilt[0] * across[0] + tilt[1] * across[1]),
-        sideways * gamma[1] + across[0] - curl * phi[2],
-        sideways * gamma[2] + across[1] + curl * phi[1],
+        pull * gamma[1] + across[0] - curl * phi[2],
+        pull * gamma[2] + across[1] + curl * phi[1],
     )
-    bent = bending + length * by_square * force * extension
+    twisted = length * curl
     moment = (
         torsion * phi[0] - (bending - torsion) * (tilt[0] * phi[1] + tilt[1] * phi[2]),
-        bent * phi[1] - turn * tilt[0] + length * curl * gamma[2],
-        bent * phi[2] - turn * tilt[1] - length * curl * gamma[1],
+        bending * phi[1] - turn * tilt[0] + twisted * gamma[2],
+        bending * phi[2] - turn * tilt[1] - twisted * gamma[1],
     )
     return stress, moment
 
@@ -157,16 +132,13 @@ def helical_stress(gamma, phi, length, inverse_length, stiffness):
 @inline_jit
 def helical_energy(gamma, phi, length, inverse_length, stiffness):
     """Elastic energy of an element, J."""
-    axial, shear, bending, torsion, tilting, bow, skew, arch, sway = stiffness
-    stretch, inverse_stretch, section, tilt, left, turn = section_tilt(gamma, phi, inverse_length, stiffness)
-    square = phi[1] * phi[1] + phi[2] * phi[2]
-    extension = stretch + bow * (gamma[1] * gamma[1] + gamma[2] * gamma[2]) - 1.0
-    along = axial * extension * extension * arch_stiffness(square, extension, skew, arch)[0]
+    axial, shear, bending, torsion, tilting, sway = stiffness
+    inverse_stretch, section, tilt, left, turn, extension = section_state(gamma, phi, inverse_length, stiffness)
     across = section * (left[0] * left[0] + left[1] * left[1]) + tilting * (tilt[0] * tilt[0] + tilt[1] * tilt[1])
     curl = gamma[1] * phi[2] - gamma[2] * phi[1]
-    bend = torsion * phi[0] * phi[0] + bending * square
+    bend = torsion * phi[0] * phi[0] + bending * (phi[1] * phi[1] + phi[2] * phi[2])
     twist = turn * (tilt[0] * phi[1] + tilt[1] * phi[2])
-    return 0.5 * (length * (along + across - sway * curl * curl) + bend) - twist
+    return 0.5 * (length * (axial * extension * extension + across - sway * curl * curl) + bend) - twist
 
 
 @inline_jit

@@ -23,7 +23,7 @@ from magrod_env.rod.elimination import (
 )
 from magrod_env.rod.energy import OK
 from magrod_env.rod.halfstep import END, MIDDLE, NODE, STRAIN, begin_node, finish, move_half_step, predict
-from magrod_env.rod.helical import arch_stiffness, helical_loads, helical_strain, helical_stress
+from magrod_env.rod.helical import helical_loads, helical_strain, helical_stress
 from magrod_env.rod.jacobian import strain_jacobian, weighted
 from magrod_env.rod.layout import (
     ELEMENT_ROWS,
@@ -100,7 +100,7 @@ def add_element(block, scratch, layout, element, poses, terms):
     a, b = NODE * element, NODE * (element + 1)
     length, inverse_length = load(block, row + LENGTH, lanes), load(block, row + INVERSE_LENGTH, lanes)
     stiffness = section_stiffness(block, row, lanes, None)
-    axial, shear, bending, torsion, tilting, bow, skew, arch, sway = stiffness
+    axial, shear, bending, torsion, tilting, sway = stiffness
     gamma, phi, geometry = helical_strain(poses[0], poses[1], inverse_length)
     old_gamma, old_phi = load3(scratch, b + STRAIN, lanes), load3(scratch, b + STRAIN + 3, lanes)
     new_gamma, new_phi, unused = helical_strain(poses[2], poses[3], inverse_length)
@@ -108,16 +108,14 @@ def add_element(block, scratch, layout, element, poses, terms):
     stress, moment = helical_stress(mean, bend, length, inverse_length, stiffness)
     short = square_root(dot(mean, mean))
     longer = 0.5 * (square_root(dot(old_gamma, old_gamma)) + square_root(dot(new_gamma, new_gamma))) - short
-    share, stiffening, unused = arch_stiffness(bend[1] * bend[1] + bend[2] * bend[2], short - 1.0, skew, arch)
-    softer = axial * share
-    stress = add_scaled(stress, softer * longer / short, mean)  # a mean of strains is shorter than a strain
+    stress = add_scaled(stress, axial * longer / short, mean)  # a mean of strains is shorter than a strain
     tension = maximum(stress[0], constant(0.0, length))
     straight = shear * tilting / (shear + tilting)
     force, torque_a, torque_b = helical_loads(gamma, phi, geometry, stress, moment, length)
     add3(scratch, b + RIGHT, scale(-1.0, force), lanes)
     add3(scratch, b + RIGHT + 3, torque_b, lanes)
     position, turn_a, turn_b, bend_a, bend_b = strain_jacobian(gamma, phi, geometry, inverse_length)
-    along, across = softer * length, straight * length
+    along, across = axial * length, straight * length
     held, tied = weighted(position, along, across), weighted(position, along, across + tension * length)
     add_symmetric(scratch, b, 0, position, tied, lanes)
     add_mixed(scratch, b, 1.0, turn_b, held, lanes)

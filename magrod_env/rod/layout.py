@@ -25,10 +25,10 @@ ENERGY = 24  # 1, J: least energy that the watchdog saw, plus what the field may
 SPIN_DRAG = 25  # 1, 1/s
 ROD_ROWS = 26
 
-# rows of an element: m, 1/m, EA, GA (N), EI/h, GJ/h (N m); of the helical element also 12 EI/h^2 (N), three numbers and
-# another stiffness (N): see ``write_rod``
-LENGTH, INVERSE_LENGTH, AXIAL, SHEAR, BENDING, TORSION, TILT, BOW, SKEW, ARCH, SWAY = range(11)
-ELEMENT_ROWS = 11
+# rows of an element: m, 1/m, EA, GA (N), EI/h, GJ/h (N m); of the helical element
+# also 12 EI/h^2 and the sway of ``write_rod`` (N)
+LENGTH, INVERSE_LENGTH, AXIAL, SHEAR, BENDING, TORSION, TILT, SWAY = range(8)
+ELEMENT_ROWS = 8
 
 
 class NodeRows(NamedTuple):

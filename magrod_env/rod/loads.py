@@ -16,7 +16,6 @@ from magrod_env.rod.layout import (
     LENGTH,
     PLANAR,
     SHEAR,
-    SKEW,
     SPATIAL,
     TILT,
     TORSION,
@@ -123,7 +122,7 @@ def bend_cosine(pose_a, pose_b, planar):
 def section_stiffness(block, row, lanes, planar):
     """Stiffness of the element at ``row`` as ``helical_stress`` (planar: ``planar_helical_stress``) takes it."""
     first = load2(block, row + AXIAL, lanes) + (load(block, row + BENDING, lanes),)
-    last = load2(block, row + TILT, lanes) + load3(block, row + SKEW, lanes)
+    last = load2(block, row + TILT, lanes)
     if planar is None:
         return first + (load(block, row + TORSION, lanes),) + last
     return first + last

@@ -10,16 +10,13 @@ import numpy as np
 
 from magrod_env._jit import jit
 from magrod_env.rod.layout import (
-    ARCH,
     AXIAL,
     BENDING,
-    BOW,
     ELEMENT_ROWS,
     INVERSE_LENGTH,
     LENGTH,
     PLANAR,
     SHEAR,
-    SKEW,
     SPATIAL,
     SWAY,
     TILT,
@@ -136,11 +133,8 @@ def lumped_lengths(arc, corrected):
 def write_rod(rows, lane, layout, counts, values, planar, nodal):
     """Write one rod's constants into lane ``lane`` of a block ``rows`` (num_rows, L), and lay it straight and at rest.
 
-    The helical element gets corrected masses, the nodal element those of the paper, and stiffness that is small of
-    fourth order (docs/physics.md), with GA* = 1/(1/GA + h^2/(12 EI)): a tilted section bows the chord, which is shorter
-    by ``bow`` of the shear squared; the axial force of a bent element shears its ends (``skew``) and flattens its arch
-    (``arch``), of the bend squared; shear in the plane of the bend meets less stiffness, by ``sway`` (N) of the bend
-    squared.
+    The helical element gets corrected masses, the nodal element those of the paper. In the plane of its bend, shear meets
+    less stiffness, by ``sway`` (N) of the bend squared, with GA* = 1/(1/GA + h^2/(12 EI)) (docs/physics.md).
     """
     arc = arc_lengths(values.ends, counts)
     carried = lumped_lengths(arc, nodal is None)
@@ -172,9 +166,6 @@ def write_rod(rows, lane, layout, counts, values, planar, nodal):
             corrected = values.shear * tilting / (values.shear + tilting)
             tilted = corrected / tilting
             rows[row + TILT, lane] = tilting
-            rows[row + BOW, lane] = 0.1 * tilted * tilted
-            rows[row + SKEW, lane] = values.axial / (12.0 * values.shear)
-            rows[row + ARCH, lane] = values.axial / (60.0 * tilting)
             rows[row + SWAY, lane] = corrected * (tilted / 30.0 + corrected / (12.0 * values.axial))
     for magnet in range(len(layout.magnet_nodes)):
         for axis in range(3):

@@ -7,7 +7,7 @@ rotation.py with every out-of-plane number left out.
 
 from magrod_env._jit import inline_jit
 from magrod_env._simd import square_root
-from magrod_env.rod.helical import arch_stiffness, strain_slope
+from magrod_env.rod.helical import strain_slope
 from magrod_env.rod.so3 import half_angle_series
 
 
@@ -66,43 +66,41 @@ def planar_helical_strain(pose_a, pose_b, inverse_length):
 
 
 @inline_jit
-def planar_section_tilt(gamma, stiffness):
-    """Stretch, its inverse, shear stiffness, tilt, and the shear that it leaves (see ``section_tilt``)."""
-    axial, shear, bending, tilting, bow, skew, arch, sway = stiffness
+def planar_section_state(gamma, stiffness):
+    """1/L, S, tilt, the shear that it leaves, and axial strain (see ``section_state``)."""
+    axial, shear, bending, tilting, sway = stiffness
     stretch = square_root(gamma[0] * gamma[0] + gamma[1] * gamma[1])
-    softened = axial + (shear - axial) * stretch
-    stiff = tilting * stretch + softened * gamma[0] * gamma[0]
+    section = axial + (shear - axial) * stretch
+    leaning, bent = section * gamma[0], tilting * stretch
+    stiff = bent + leaning * gamma[0]
     both = 1.0 / (stretch * stiff)
-    inverse_stretch, flexible = both * stiff, both * stretch * stretch * gamma[1]
-    section = inverse_stretch * softened
-    return stretch, inverse_stretch, section, flexible * section * gamma[0], flexible * tilting
+    inverse_stretch, flexible = both * stiff, both * (stretch * gamma[1])
+    return inverse_stretch, inverse_stretch * section, flexible * leaning, flexible * bent, stretch - 1.0
 
 
 @inline_jit
 def planar_helical_stress(gamma, phi, length, stiffness):
     """Stress and moment conjugate to ``gamma`` and ``phi`` (see ``helical_stress``)."""
-    axial, shear, bending, tilting, bow, skew, arch, sway = stiffness
-    stretch, inverse_stretch, section, tilt, left = planar_section_tilt(gamma, stiffness)
-    extension = stretch + bow * (gamma[1] * gamma[1]) - 1.0
-    share, stiffening, by_square = arch_stiffness(phi * phi, extension, skew, arch)
-    force = axial * extension
-    tension = force * share + 0.5 * force * stiffening
-    square = inverse_stretch * inverse_stretch * (left * left)
-    pull = inverse_stretch * (tension - 0.5 * axial * square)
+    axial, shear, bending, tilting, sway = stiffness
+    inverse_stretch, section, tilt, left, extension = planar_section_state(gamma, stiffness)
+    tension, leant = axial * extension, inverse_stretch * left
+    pull = inverse_stretch * (tension - 0.5 * axial * (leant * leant))
     across, curl = section * left, sway * (gamma[1] * phi)
-    moment = (bending + length * by_square * force * extension) * phi - length * curl * gamma[1]
-    return (pull * gamma[0] - tilt * across, (pull + 2.0 * bow * tension) * gamma[1] + across - curl * phi), moment
+    along = pull * gamma[0] - tilt * across
+    return (
+        along,
+        pull * gamma[1] + across - curl * phi,
+    ), bending * phi - length * curl * gamma[1]
 
 
 @inline_jit
 def planar_helical_energy(gamma, phi, length, stiffness):
     """Elastic energy of an element, J."""
-    axial, shear, bending, tilting, bow, skew, arch, sway = stiffness
-    stretch, inverse_stretch, section, tilt, left = planar_section_tilt(gamma, stiffness)
-    extension, curl = stretch + bow * (gamma[1] * gamma[1]) - 1.0, gamma[1] * phi
-    along = axial * extension * extension * arch_stiffness(phi * phi, extension, skew, arch)[0]
+    axial, shear, bending, tilting, sway = stiffness
+    inverse_stretch, section, tilt, left, extension = planar_section_state(gamma, stiffness)
+    curl = gamma[1] * phi
     across = section * left * left + tilting * tilt * tilt - sway * curl * curl
-    return 0.5 * (length * (along + across) + bending * phi * phi)
+    return 0.5 * (length * (axial * extension * extension + across) + bending * phi * phi)
 
 
 @inline_jit

@@ -20,12 +20,7 @@ LENGTH = 6e-3  # m
 STIFFNESS = EA, GA, GJ, EI = 4.6, 1.53, 3.06e-6, 4.59e-6  # about those of a polymer rod of 4 mm, N and N m^2
 TILTING = 12.0 * EI / LENGTH**2
 SHARE = GA / (GA + TILTING)
-SMALL = (  # of fourth order: bow, skew, arch and sway
-    0.1 * SHARE**2,
-    EA / (12.0 * GA),
-    EA / (60.0 * TILTING),
-    TILTING * SHARE**2 / 30.0 + (TILTING * SHARE) ** 2 / (12.0 * EA),
-)
+SWAY = TILTING * SHARE**2 / 30.0 + (TILTING * SHARE) ** 2 / (12.0 * EA)
 RNG = np.random.default_rng(7)
 # rotation across the element (rad) and strain of its chord
 BENDS = {"none": 0.0, "tiny": 1e-9, "small": 1e-4, "moderate": 0.3, "right_angle": 1.6, "large": 2.8, "near_pi": 3.1}
@@ -69,7 +64,7 @@ def stiff(vector, axial, across):
 def helical(pose_a, pose_b):
     """Loads of the helical element, as float arrays."""
     gamma, phi, geometry = helical_strain(pose_a, pose_b, 1.0 / LENGTH)
-    section = (EA, GA, EI / LENGTH, GJ / LENGTH, TILTING, *SMALL)
+    section = (EA, GA, EI / LENGTH, GJ / LENGTH, TILTING, SWAY)
     stress, moment = helical_stress(gamma, phi, LENGTH, 1.0 / LENGTH, section)
     return tuple(np.array(load) for load in helical_loads(gamma, phi, geometry, stress, moment, LENGTH))
 
@@ -250,7 +245,7 @@ def planar_case(bend, seed):
 
 def planar_helical(pose_a, pose_b):
     gamma, phi, geometry = planar_helical_strain(pose_a, pose_b, 1.0 / LENGTH)
-    stress, moment = planar_helical_stress(gamma, phi, LENGTH, (EA, GA, EI / LENGTH, TILTING, *SMALL))
+    stress, moment = planar_helical_stress(gamma, phi, LENGTH, (EA, GA, EI / LENGTH, TILTING, SWAY))
     return planar_helical_loads(gamma, phi, geometry, stress, moment, LENGTH)
 
 

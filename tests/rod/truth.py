@@ -71,23 +71,18 @@ def helical_energy(frame_a, frame_b, difference, length, stiffness):
     """Screw motion whose middle section is tilted by z, which takes the value of least energy.
 
     Stretch L = |gamma|; the shear that a tilt leaves, gamma - gamma_1 z, against GA - EA (1 - 1/L); the tilt against
-    12 EI/h^2, driven by (EI - GJ) kappa_1 kappa. Of fourth order: the chord's bow, the arch, the shear in the plane of
-    the bend.
+    12 EI/h^2, driven by (EI - GJ) kappa_1 kappa. Shear in the plane of the bend meets a little less
+    stiffness.
     """
     EA, GA, GJ, EI = stiffness
     gamma, phi = helical_strains(frame_a, frame_b, difference, length)
     kappa = phi / length
     stretch = mpmath.norm(gamma)
-    bend, sheared = phi[1] ** 2 + phi[2] ** 2, gamma[1] ** 2 + gamma[2] ** 2
     section = GA - EA * (stretch - 1) / stretch
     tilting = 12 * EI / length**2
     corrected = 1 / (1 / GA + 1 / tilting)
-    bowed = (corrected / tilting) ** 2 * sheared / 10
-    straight = 1 / EA + bend * (1 / GA + 1 / (5 * tilting)) / 12
-    pulled = max((stretch + bowed - 1) / straight, 0) * 2 / 7
-    flexible = 1 / EA + bend * (1 / GA + 1 / (5 * (tilting + pulled))) / 12
     inside = (gamma[1] * phi[2] - gamma[2] * phi[1]) ** 2
-    along = (stretch + bowed - 1) ** 2 / flexible
+    along = EA * (stretch - 1) ** 2
     along -= inside * corrected**2 * (1 / (30 * tilting) + 1 / (12 * EA))
 
     def energy(z):
