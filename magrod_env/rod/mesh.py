@@ -133,8 +133,8 @@ def lumped_lengths(arc, corrected):
 def write_rod(rows, lane, layout, counts, values, planar, nodal):
     """Write one rod's constants into lane ``lane`` of a block ``rows`` (num_rows, L), and lay it straight and at rest.
 
-    The helical element gets corrected masses, the nodal element those of the paper. In the plane of its bend, shear meets
-    less stiffness, by ``sway`` (N) of the bend squared, with GA* = 1/(1/GA + h^2/(12 EI)) (docs/physics.md).
+    The helical element gets corrected masses, the nodal element those of the paper. In the plane of its bend, shear
+    meets less stiffness, by ``sway`` (N) of the bend squared (docs/physics.md).
     """
     arc = arc_lengths(values.ends, counts)
     carried = lumped_lengths(arc, nodal is None)
