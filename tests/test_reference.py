@@ -10,7 +10,7 @@ from tests.reference.cases import DYNAMIC, EQUILIBRIA, OWN_TIMES, TIMES, TWIST_A
 from tests.reference.spectral_rod import Mesh, product
 
 STORED = np.load(Path(__file__).parent / "reference" / "reference.npz")
-ERRORS = {"fast_step": 5e-8, "aluminium": 2e-8}  # m; 5e-9 elsewhere
+ERRORS = {"fast_step": 5e-8, "aluminium": 2e-8, "tilted_swing": 1e-7}  # m; 5e-9 elsewhere
 
 
 def test_reference_holds_every_case_and_no_other():
@@ -102,7 +102,7 @@ def test_reference_loads_are_minus_the_gradient_of_its_energy(name):
 
 
 def test_reference_feels_the_gradient_at_a_magnet_as_a_force_and_a_field():
-    """Grad(m.B) of B = B0 + G p is G^T m, and the torque is that of the field at the magnet."""
+    """Grad(m.B) of B = B0 + G p is G^T m, and B acts where the magnet is; to rounding beside the elastic forces."""
     case = TWIST_AND_TENSION["static_pull_slight"]
     with_gradient, without = Mesh(case, 3), Mesh(replace(case, gradient=((0.0, 0.0, 0.0),) * 3), 3)
     p, q = random_state(with_gradient, np.random.default_rng(2))
@@ -111,8 +111,6 @@ def test_reference_feels_the_gradient_at_a_magnet_as_a_force_and_a_field():
     plain_force, plain_torque, plain_energy = without.loads(p, q, field + gradient @ p[-1])
     w, r = q[-1, 0], q[-1, 1:]
     world = dipole + 2 * np.cross(r, np.cross(r, dipole) + w * dipole)
-    np.testing.assert_allclose(
-        (force - plain_force)[-1], gradient.T @ world, rtol=1e-10
-    )  # rounding beside elastic forces
+    np.testing.assert_allclose((force - plain_force)[-1], gradient.T @ world, rtol=1e-10)
     np.testing.assert_allclose(torque, plain_torque, atol=1e-15)
     assert energy == pytest.approx(plain_energy, rel=1e-14)

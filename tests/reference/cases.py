@@ -139,6 +139,7 @@ WEIGHTED = replace(
 )
 TWO_TILTED = replace(
     SQUARE,
+    drag=0.0,
     magnets=(
         Magnet(s=85.5e-3, mass=7.2e-5, dipole=(0.007, 0.006, 0.004)),
         Magnet(s=49.4e-3, mass=7.2e-5, dipole=(-0.006, 0.007, 0.003)),

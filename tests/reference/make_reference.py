@@ -39,9 +39,9 @@ SETTINGS = {  # cases that need others: reference, coarser mesh, looser toleranc
         dict(elements=2, degree=10, tolerance=1e-5),
     ),
     "tilted_swing": (
-        dict(elements=12, degree=8, tolerance=1e-6),
-        dict(elements=8, degree=8, tolerance=1e-6),
-        dict(elements=12, degree=8, tolerance=1e-4),
+        dict(elements=12, degree=8, tolerance=1e-9),
+        dict(elements=8, degree=8, tolerance=1e-7),
+        dict(elements=12, degree=8, tolerance=1e-5),
     ),
 }
 STATIC_SETTINGS = ((2, 10), (1, 14))  # elements and degree: reference, coarser mesh
