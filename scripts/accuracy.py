@@ -1,12 +1,13 @@
-"""How exact the rod is, and what that costs: `python -m scripts.accuracy [--quick] [--json FILE]`.
+"""How exact the rod is, and what that costs: `python -m scripts.accuracy [--quick] [--json FILE] [--parts PART ...]`.
 
 Errors in mm beside run times. The truth of the moving rods and of the equilibria is tests/reference/reference.npz, made
 by a spectral-element solver that shares no code with this package; the rest are closed forms. Ends with the acceptance
-figures, and with exit status 1 where one is not met.
+figures, and with exit status 1 where one is not met. `--parts twist_and_tension` measures that part alone.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import sys
 import time
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import tyro
@@ -31,9 +33,34 @@ TIMES = np.linspace(0.0, 2.0, 201)
 HELICAL = (3, 4, 5, 6, 10, 20)  # elements
 DECAY_LIMITS = {6: 0.15, 10: 0.04, 20: 0.006}  # mm: acceptance figures by elements
 FIELD_LIMITS = {4: 0.03, 6: 0.006}
+LOADED_COUNTS = (1, 2, 3, 4, 6, 8, 10, 16, 20)
+LOADED_LIMITS = {  # mm at the tip by elements: 1.3 times the errors of a prototype of the element, in NumPy
+    "static_twist": {1: 0.118, 2: 0.0077, 4: 4.8e-4, 8: 3e-5, 16: 1.9e-6},
+    "static_tilted_magnet": {4: 0.016, 6: 0.0034, 10: 5.1e-4, 20: 5.2e-5},
+    "static_axial_magnet": {4: 0.0165, 6: 0.0035, 10: 5.1e-4, 20: 5e-5},
+    "static_two_tilted_magnets": {4: 0.129, 6: 0.0286, 10: 0.0028, 20: 2.9e-4},
+    "static_pull_slight": {4: 0.0037, 6: 0.0016, 10: 4.2e-4},
+    "static_pull_straight": {1: 1e-9, 4: 1e-9, 20: 1e-9},  # exact
+    "static_pull_aside": {4: 2.1, 6: 1.32, 10: 0.67, 20: 0.2},
+    "static_sagging": {4: 9.5, 6: 4.8, 10: 1.65, 20: 0.23},
+    "static_hanging": {4: 0.0107, 6: 0.0047, 10: 0.0017, 20: 4.3e-4},
+    "static_wire_with_weight": {4: 0.24, 6: 0.135, 10: 0.056, 20: 0.0118},
+}
+LOADED_ORDERS = {"static_twist": 3.7, "static_tilted_magnet": 3.4}  # at least; the second has its weight at the nodes
 TIMING = "Times: one rod on one core, the least of several runs, in ms a simulated second."
 
 Field = Callable[[float], np.ndarray]
+Part = Literal[
+    "free_decay",
+    "driven",
+    "statics",
+    "energy",
+    "order_in_time",
+    "order_in_space",
+    "arc",
+    "locking",
+    "twist_and_tension",
+]
 
 
 @dataclass
@@ -44,6 +71,8 @@ class Args:
     """a small part of it, in seconds"""
     json: Path | None = None
     """where to write the numbers as JSON"""
+    parts: tuple[Part, ...] = ()
+    """which tables, in the order of the page; all of them by default"""
 
 
 # ---- scenes and fields of the reference
@@ -77,9 +106,21 @@ def guiding_field(at: float) -> np.ndarray:
     return ramp(2.0 * at) * np.array([0.0, 20e-3 * math.cos(angle), 20e-3 * math.sin(angle)])
 
 
+def upward_field(at: float) -> np.ndarray:
+    """5 mT upwards from the start; T."""
+    return np.array([0.0, 0.0, 5e-3])
+
+
+def magnet(position: float, dipole: tuple[float, float, float], mass: float = 0.0) -> Magnet:
+    """A magnet (kg, at a position in m) with a dipole moment (A m^2, body frame) in any direction."""
+    moment = math.hypot(*dipole)
+    return Magnet.dipole(position=position, moment=moment, mass=mass, direction=dipole if moment else (1.0, 0.0, 0.0))
+
+
 _ROUND = load_scene("paper4_pdms_tip_magnet")
 _STIFFER = load_scene("paper4_pdms_tip_magnet", modulus=1.48e6)
 _TWO = load_scene("paper6_two_magnets", modulus=3.65e6)
+_TILTED = _STIFFER.replace(magnets=(magnet(_STIFFER.rod.length, (0.010, 0.009, 0.0), 9.6e-5),))
 CASES: dict[str, tuple[Scene, Field | None]] = {
     "free_decay": (_ROUND.replace(drag_rate=None), None),
     "rotating_field": (_ROUND.replace(gravity=None, drag_rate=5.0), rotating_field),
@@ -88,11 +129,73 @@ CASES: dict[str, tuple[Scene, Field | None]] = {
     "fast_step": (_STIFFER.replace(drag_rate=5.0), sudden_field),
     "aluminium": (load_scene("paper1_aluminium_in_plane"), None),
     "niti": (load_scene("niti_guidewire"), guiding_field),
+    "tilted_rotating_field": (_TILTED.replace(gravity=None, drag_rate=5.0), rotating_field),
+    "tilted_swing": (_TILTED.replace(drag_rate=None), upward_field),
 }
 STATICS = {
     "static_gravity": (0.0, 0.0, 0.0),
     "static_field_z": (0.0, 0.0, 14.5e-3),
     "static_field_yz": (0.0, 10e-3, 10e-3),
+}
+_DOWN, _ALONG = (0.0, 0.0, -9.81), (9.81, 0.0, 0.0)
+_SOFT = Rod.circular(length=0.1, diameter=1e-3, density=1100.0, youngs_modulus=1e6, poissons_ratio=0.5)
+_THIN = dataclasses.replace(_SOFT, length=60e-3, youngs_modulus=2e6)
+_SILICONE = Rod.circular(length=0.15, diameter=2e-3, density=1070.0, youngs_modulus=0.15e6, poissons_ratio=0.5)
+_PULL = Scene(rod=_SOFT, magnets=(magnet(0.1, (0.2, 0.0, 0.0)),))
+_PULLING = np.diag([0.2, -0.1, -0.1])  # T/m
+_TWO_TILTED = (
+    magnet(85.5e-3, (0.007, 0.006, 0.004), 7.2e-5),
+    magnet(49.4e-3, (-0.006, 0.007, 0.003), 7.2e-5),
+)
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """An equilibrium to find: field (3,) T at the clamp and gradient (3, 3) T/m."""
+
+    scene: Scene
+    field: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gradient: np.ndarray | None = None
+    about: str = ""
+
+
+LOADED = {
+    "static_twist": Loaded(
+        Scene(rod=_THIN, magnets=(magnet(60e-3, (2e-4 * math.sqrt(0.5), 2e-4 * math.sqrt(0.5), 0.0)),)),
+        (0.0, 0.0, 1.5 * _THIN.bending_stiffness / (_THIN.length * 2e-4)),
+        about="weightless rod of 60 x 1 mm, 2 MPa, magnet at 45 degrees to it, field across both",
+    ),
+    "static_tilted_magnet": Loaded(
+        _TILTED, (3e-3, 8e-3, 10e-3), about="the paper's rod of 1.48 MPa, gravity, tilted magnet, field (3, 8, 10) mT"
+    ),
+    "static_axial_magnet": Loaded(
+        _STIFFER, (3e-3, 8e-3, 10e-3), about="the same with the paper's magnet, along the rod"
+    ),
+    "static_two_tilted_magnets": Loaded(
+        _TWO.replace(magnets=_TWO_TILTED),
+        (4e-3, 6e-3, 8e-3),
+        about="the paper's square rod, gravity, two tilted magnets, field (4, 6, 8) mT",
+    ),
+    "static_pull_slight": Loaded(
+        _PULL.replace(magnets=(magnet(0.1, (0.01345, 0.0, 0.0)),)),
+        (0.0, 0.0, 7.5e-6),
+        _PULLING,
+        "weightless rod of 100 x 1 mm, 1 MPa, magnet pulled by 0.2 T/m, stretch 0.3 %, 7.5 µT aside",
+    ),
+    "static_pull_straight": Loaded(_PULL, gradient=_PULLING, about="the same, stretch 5 %, nothing aside"),
+    "static_pull_aside": Loaded(_PULL, (0.0, 0.0, 2e-3), _PULLING, "the same, 2 mT aside"),
+    "static_sagging": Loaded(
+        Scene(rod=_SILICONE, gravity=_DOWN), about="silicone, 150 x 2 mm, 0.15 MPa, sagging from horizontal"
+    ),
+    "static_hanging": Loaded(Scene(rod=_SILICONE, gravity=_ALONG), about="the same, hanging straight down"),
+    "static_wire_with_weight": Loaded(
+        Scene(
+            rod=load_scene("niti_guidewire").rod,
+            magnets=(magnet(0.1, (0.0, 0.0, 0.0), 1.6),),
+            gravity=(9.81, 0.3, -0.4),
+        ),
+        about="nitinol wire of 100 x 0.35 mm with a weight of 1.6 kg, 3 degrees off the wire",
+    ),
 }
 LOCKING_SCENES = (
     "paper3_pdms_no_magnet",
@@ -325,19 +428,36 @@ def order_in_time(report: Report, quick: bool) -> None:
     report.checks.append(Check("d", "distance of the order in time from 2", abs(fitted - 2.0), 0.1, ""))
 
 
+def follow_finer(case: str, counts: tuple[int, ...]) -> list[float]:
+    """RMS over time, mm, of a moving rod with more and more elements at a step of 20 µs, against the reference."""
+    (scene, field), truth = CASES[case], reference(case)
+    with np.load(REFERENCE) as stored:
+        times = stored[f"{case}_time"]
+    errors = []
+    for elements in tqdm(counts, desc=case, leave=False):
+        found = follow(Simulation(scene, num_elements=elements, time_step=2e-5), field, times)
+        error = rms(found, truth)
+        if error is None:
+            raise RuntimeError(f"{case} diverged with {elements} elements")
+        errors.append(error)
+    return errors
+
+
+def successive_orders(counts: tuple[int, ...], errors: list[float]) -> list[float | None]:
+    """Order of each error from the one before."""
+    pairs = zip(pairwise(counts), pairwise(errors))
+    return [None, *(math.log(coarse / fine) / math.log(after / before) for (before, after), (coarse, fine) in pairs)]
+
+
 def order_in_space(report: Report) -> None:
     """(d) More and more elements at a small step, rotating field, against the spectral solution."""
-    scene, field = CASES["rotating_field"]
-    truth = reference("rotating_field")
+    counts = (3, 4, 6, 8, 12)
+    errors = follow_finer("rotating_field", counts)
     table = Table(
         "(d) Order in space: rotating field, step 20 µs, against the spectral solution",
         ("N", "RMS, mm", "order from the row above"),
+        list(zip(counts, errors, successive_orders(counts, errors))),
     )
-    counts, errors = (3, 4, 6, 8, 12), []
-    for row, elements in enumerate(tqdm(counts, desc="order in space", leave=False)):
-        errors.append(rms(follow(Simulation(scene, num_elements=elements, time_step=2e-5), field), truth))
-        order = math.log(errors[-2] / errors[-1]) / math.log(elements / counts[row - 1]) if row else None
-        table.rows.append((elements, errors[-1], order))
     fitted = -slope(list(counts), errors)
     table.note = f"Fitted order: {fitted:.2f}."
     report.show("order_in_space", table)
@@ -415,18 +535,88 @@ def locking(report: Report, quick: bool) -> None:
     report.checks.append(Check("f", "locking factor: largest relative distance", worst_share, 0.02, ""))
 
 
+def loaded_error(case: str, elements: int) -> float:
+    """Distance from the tip's reference, mm, of the equilibrium or of the last stable shape on the way to it."""
+    loaded = LOADED[case]
+    found = Simulation(loaded.scene, num_elements=elements).equilibrium(loaded.field, loaded.gradient)
+    with np.load(REFERENCE) as stored:
+        return 1e3 * float(np.linalg.norm(found.tip_position - stored[f"{case}_tip"]))
+
+
+def fitted_order(errors: dict[int, float]) -> float | None:
+    """Order in space for N >= 4; None where rounding is all there is."""
+    fine = {n: error for n, error in errors.items() if n >= 4}
+    return -slope(list(fine), list(fine.values())) if min(fine.values()) > 1e-9 else None
+
+
+def loaded_rods(report: Report, quick: bool) -> None:
+    """(g) Rods that twist while they bend and rods under tension: equilibria against the reference."""
+    counts = (4, 6) if quick else LOADED_COUNTS
+    table = Table(
+        "(g) Rods that twist while they bend, and rods under tension: distance of the tip at rest, mm",
+        ("case", *(f"N = {n}" for n in counts), "order"),
+    )
+    for case, loaded in tqdm(LOADED.items(), desc="twist and tension", leave=False):
+        errors = {n: loaded_error(case, n) for n in counts if n >= len(loaded.scene.magnets)}
+        order = fitted_order(errors)
+        table.rows.append((case, *(errors.get(n) for n in counts), order))
+        for n, limit in LOADED_LIMITS[case].items():
+            if n in errors:
+                report.checks.append(Check("g", f"{case}, N={n}: tip", errors[n], limit, "mm"))
+        if case in LOADED_ORDERS and not quick:
+            bound = LOADED_ORDERS[case]
+            report.checks.append(Check("g", f"order in space, {case}", order, bound, "", at_least=True))
+    about = "; ".join(f"{case}: {loaded.about}" for case, loaded in LOADED.items())
+    table.note = f"{about}. Order in space: fitted for N >= 4. Where stability is lost on the way "
+    table.note += "to the full load: the distance of the last stable shape."
+    report.show("loaded_rods", table)
+
+
+def twisting_motion(report: Report) -> None:
+    """(g) Moving rods with a tilted magnet: errors, and the order where the motion is smooth."""
+    counts = (3, 4, 6, 8, 12)
+    smooth, sudden = (follow_finer(case, counts) for case in ("tilted_rotating_field", "tilted_swing"))
+    table = Table(
+        "(g) Rods that twist while they bend, moving: RMS, mm, step 20 µs, against the spectral solution",
+        ("N", "tilted_rotating_field", "order from the row above", "tilted_swing"),
+        list(zip(counts, smooth, successive_orders(counts, smooth), sudden)),
+    )
+    fitted = -slope(list(counts), smooth)
+    table.note = (
+        "The paper's rod of 1.48 MPa with a dipole of (10, 9, 0) mA m². tilted_rotating_field: no gravity, drag 5 /s, "
+        f"field turning at 0.5 Hz, 1 s; fitted order: {fitted:.2f}. tilted_swing: undamped, released straight under "
+        "gravity in a field of 5 mT upwards, 0.5 s."
+    )
+    report.show("twisting_motion", table)
+    report.checks.append(Check("g", "order in space, tilted_rotating_field", fitted, 3.4, "", at_least=True))
+
+
+def twist_and_tension(report: Report, quick: bool) -> None:
+    """(g) Both tables; the moving rods take too long for a quick run."""
+    loaded_rods(report, quick)
+    if not quick:
+        twisting_motion(report)
+
+
+PARTS: dict[Part, Callable[[Report, bool], None]] = {
+    "free_decay": free_decay,
+    "driven": driven,
+    "statics": statics,
+    "energy": energy,
+    "order_in_time": order_in_time,
+    "order_in_space": lambda report, quick: None if quick else order_in_space(report),
+    "arc": lambda report, quick: arc(report),
+    "locking": locking,
+    "twist_and_tension": twist_and_tension,
+}
+
+
 def measure(args: Args) -> Report:
-    """Every table, printed as it is ready."""
+    """Every table asked for, printed as it is ready."""
     report = Report("scripts.accuracy", args.quick)
-    free_decay(report, args.quick)
-    driven(report, args.quick)
-    statics(report, args.quick)
-    energy(report, args.quick)
-    order_in_time(report, args.quick)
-    if not args.quick:
-        order_in_space(report)
-    arc(report)
-    locking(report, args.quick)
+    for part, show in PARTS.items():
+        if not args.parts or part in args.parts:
+            show(report, args.quick)
     return report
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from scripts import Check, Table, least_time
-from scripts.accuracy import CASES, STATICS
-from tests.reference.cases import DYNAMIC, STATIC
+from scripts.accuracy import CASES, LOADED, STATICS
+from tests.reference.cases import DYNAMIC, STATIC, TWIST_AND_TENSION
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -55,13 +55,13 @@ def assert_well_formed(printed, report, program):
 
 def test_accuracy_report_is_well_formed(accuracy):
     assert_well_formed(*accuracy, "scripts.accuracy")
-    tables = {"free_decay", "driven", "statics", "energy", "order_in_time", "arc", "locking"}
+    tables = {"free_decay", "driven", "statics", "energy", "order_in_time", "arc", "locking", "loaded_rods"}
     assert set(accuracy[1]["tables"]) == tables
 
 
 def test_accuracy_figures_are_met(accuracy):
     checks = accuracy[1]["checks"]
-    assert {check["figure"] for check in checks} == {"a", "c", "d", "e", "f"}
+    assert {check["figure"] for check in checks} == {"a", "c", "d", "e", "f", "g"}
     assert [check["what"] for check in checks if not check["met"]] == []
 
 
@@ -81,25 +81,38 @@ def test_accuracy_of_equilibria_rises_with_the_elements(accuracy):
     assert errors == sorted(errors, reverse=True) and errors[-1] < 1e-3
 
 
+def assert_same_rod(scene, case):
+    """The scene of the package is the reference's case."""
+    rod = scene.rod
+    found = (rod.length, rod.area, rod.second_moment, rod.density, rod.youngs_modulus, scene.drag_rate or 0.0)
+    found += (rod.poissons_ratio,)
+    truth = (case.length, case.area, case.second_moment, case.density, case.youngs_modulus, case.drag)
+    truth += (case.poisson_ratio,)
+    np.testing.assert_allclose(found, truth, rtol=1e-12)
+    np.testing.assert_array_equal(scene.gravity or np.zeros(3), case.gravity)
+    assert len(scene.magnets) == len(case.magnets)
+    for magnet, expected in zip(scene.magnets, case.magnets):
+        np.testing.assert_allclose((magnet.position, magnet.mass), (expected.s, expected.mass), rtol=1e-12)
+        np.testing.assert_allclose(magnet.dipole_moment, expected.dipole, rtol=1e-9, atol=1e-12)  # rounding of mu0
+
+
 def test_accuracy_scenes_are_those_of_the_reference():
-    times = np.linspace(0.0, 2.0, 9)
     assert CASES.keys() == DYNAMIC.keys() and STATICS.keys() == STATIC.keys()
     for name, (scene, field) in CASES.items():
-        case, rod = DYNAMIC[name], scene.rod
-        found = (rod.length, rod.area, rod.second_moment, rod.density, rod.youngs_modulus, scene.drag_rate or 0.0)
-        found += (rod.poissons_ratio,)
-        truth = (case.length, case.area, case.second_moment, case.density, case.youngs_modulus, case.drag)
-        truth += (case.poisson_ratio,)
-        np.testing.assert_allclose(found, truth, rtol=1e-12)
-        np.testing.assert_array_equal(scene.gravity or np.zeros(3), case.gravity)
-        assert len(scene.magnets) == len(case.magnets)
-        for magnet, expected in zip(scene.magnets, case.magnets):
-            np.testing.assert_allclose((magnet.position, magnet.mass), (expected.s, expected.mass), rtol=1e-12)
-            np.testing.assert_allclose(magnet.dipole_moment, expected.dipole, rtol=1e-9, atol=1e-12)  # rounding of mu0
-        for at in times:
-            np.testing.assert_allclose(np.zeros(3) if field is None else field(at), case.field(at), atol=1e-15)
+        assert_same_rod(scene, DYNAMIC[name])
+        for at in np.linspace(0.0, 2.0, 9):
+            np.testing.assert_allclose(np.zeros(3) if field is None else field(at), DYNAMIC[name].field(at), atol=1e-15)
     for name, field in STATICS.items():
         np.testing.assert_array_equal(field, STATIC[name])
+
+
+def test_accuracy_scenes_of_twist_and_tension_are_those_of_the_reference():
+    assert LOADED.keys() == TWIST_AND_TENSION.keys()
+    for name, loaded in LOADED.items():
+        case = TWIST_AND_TENSION[name]
+        assert_same_rod(loaded.scene, case)
+        np.testing.assert_allclose(loaded.field, case.field(0.0), rtol=1e-12)
+        np.testing.assert_array_equal(np.zeros((3, 3)) if loaded.gradient is None else loaded.gradient, case.gradient)
 
 
 def test_bench_report_is_well_formed(bench):

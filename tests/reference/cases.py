@@ -8,7 +8,12 @@ import numpy as np
 from .spectral_rod import Case, Magnet
 
 TIMES = np.linspace(0.0, 2.0, 201)
-OWN_TIMES = {"aluminium": np.linspace(0.0, 0.5, 201), "niti": np.linspace(0.0, 1.0, 201)}
+OWN_TIMES = {
+    "aluminium": np.linspace(0.0, 0.5, 201),
+    "niti": np.linspace(0.0, 1.0, 201),
+    "tilted_rotating_field": np.linspace(0.0, 1.0, 201),
+    "tilted_swing": np.linspace(0.0, 0.5, 201),
+}
 GRAVITY = (0.0, 0.0, -9.81)
 MU0 = 4e-7 * np.pi
 
@@ -37,6 +42,11 @@ def guiding_field(t):
     """20 mT turning about x at 1 Hz, rising from 0 at t = 0 to its strength at t = 0.25 s."""
     angle = 2 * np.pi * t
     return ramp(2 * t) * np.array([0.0, 20e-3 * np.cos(angle), 20e-3 * np.sin(angle)])
+
+
+def constant(*field):
+    """A field (T) that is there from t = 0 on."""
+    return lambda t: np.array(field)
 
 
 def sag(x):
@@ -99,6 +109,42 @@ NITI = Case(
     magnets=(Magnet(s=0.1, mass=0.0, dipole=(4e-3, 0.0, 0.0)),),
     field=guiding_field,
 )
+HALF = np.sqrt(0.5)
+TILTED = replace(STIFFER, magnets=(Magnet(s=60.55e-3, mass=9.6e-5, dipole=(0.010, 0.009, 0.0)),))
+THIN = Case(  # weightless
+    length=60e-3,
+    area=np.pi * 1e-3**2 / 4,
+    second_moment=np.pi * 1e-3**4 / 64,
+    density=1100.0,
+    youngs_modulus=2e6,
+    magnets=(Magnet(s=60e-3, mass=0.0, dipole=(2e-4 * HALF, 2e-4 * HALF, 0.0)),),
+)
+PULLED = replace(
+    THIN,
+    length=0.1,
+    youngs_modulus=1e6,
+    magnets=(Magnet(s=0.1, mass=0.0, dipole=(0.2, 0.0, 0.0)),),
+    gradient=((0.2, 0.0, 0.0), (0.0, -0.1, 0.0), (0.0, 0.0, -0.1)),
+)
+SILICONE = Case(
+    length=0.15,
+    area=np.pi * 2e-3**2 / 4,
+    second_moment=np.pi * 2e-3**4 / 64,
+    density=1070.0,
+    youngs_modulus=0.15e6,
+    gravity=GRAVITY,
+)
+WEIGHTED = replace(
+    NITI, drag=0.0, gravity=(9.81, 0.3, -0.4), magnets=(Magnet(s=0.1, mass=1.6, dipole=(0.0, 0.0, 0.0)),)
+)
+TWO_TILTED = replace(
+    SQUARE,
+    drag=0.0,
+    magnets=(
+        Magnet(s=85.5e-3, mass=7.2e-5, dipole=(0.007, 0.006, 0.004)),
+        Magnet(s=49.4e-3, mass=7.2e-5, dipole=(-0.006, 0.007, 0.003)),
+    ),
+)
 
 DYNAMIC = {
     "free_decay": ROUND,
@@ -108,11 +154,34 @@ DYNAMIC = {
     "fast_step": replace(STIFFER, drag=5.0, field=sudden_field),
     "aluminium": ALUMINIUM,
     "niti": NITI,
+    "tilted_rotating_field": replace(TILTED, gravity=(0.0, 0.0, 0.0), drag=5.0, field=rotating_field),
+    "tilted_swing": replace(TILTED, field=constant(0.0, 0.0, 5e-3)),
 }
 STATIC = {  # fields (T) on STIFFER under gravity
     "static_gravity": np.zeros(3),
     "static_field_z": np.array([0.0, 0.0, 14.5e-3]),
     "static_field_yz": np.array([0.0, 10e-3, 10e-3]),
+}
+TWIST_AND_TENSION = {  # rods that twist while they bend, and rods under tension; the loads are those of t = 0
+    "static_twist": replace(THIN, field=constant(0.0, 0.0, 1.5 * THIN.c2[1] / (THIN.length * 2e-4))),
+    "static_tilted_magnet": replace(TILTED, field=constant(3e-3, 8e-3, 10e-3)),
+    "static_axial_magnet": replace(STIFFER, field=constant(3e-3, 8e-3, 10e-3)),
+    "static_two_tilted_magnets": replace(TWO_TILTED, field=constant(4e-3, 6e-3, 8e-3)),
+    "static_pull_slight": replace(
+        PULLED, magnets=(Magnet(s=0.1, mass=0.0, dipole=(0.01345, 0.0, 0.0)),), field=constant(0.0, 0.0, 7.5e-6)
+    ),
+    "static_pull_straight": PULLED,
+    "static_pull_aside": replace(PULLED, field=constant(0.0, 0.0, 2e-3)),
+    "static_sagging": SILICONE,
+    "static_hanging": replace(SILICONE, gravity=(9.81, 0.0, 0.0)),
+    "static_wire_with_weight": WEIGHTED,
+}
+EQUILIBRIA = {name: replace(STIFFER, field=constant(*field)) for name, field in STATIC.items()} | TWIST_AND_TENSION
+LAYERS = {  # inner cuts, m: bending under tension T fades within sqrt(EI / T) of an end that is held
+    "static_pull_slight": (0.008, 0.02, 0.04, 0.06, 0.08, 0.092),
+    "static_pull_aside": (0.002, 0.005, 0.009, 0.015, 0.025, 0.075, 0.085, 0.091, 0.095, 0.098),
+    "static_sagging": (0.008, 0.02, 0.04, 0.075),
+    "static_wire_with_weight": (0.003, 0.008, 0.015, 0.03),
 }
 
 

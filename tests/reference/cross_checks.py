@@ -7,15 +7,13 @@
 4. Stiff rods, which the reference takes in implicit steps: the first 20 ms with the explicit method.
 """
 
-from functools import partial
-
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.integrate import solve_bvp
 from scipy.linalg import block_diag, eigh, expm, lu_factor, lu_solve
 from scipy.optimize import brentq
 
-from .cases import ALUMINIUM, DYNAMIC, OWN_TIMES, ROUND, STATIC, STIFFER, TIMES, inner_cuts
+from .cases import ALUMINIUM, DYNAMIC, EQUILIBRIA, OWN_TIMES, ROUND, TIMES, inner_cuts
 from .make_reference import FILE, REFERENCE, trajectory
 from .spectral_rod import Mesh, gauss_collocation
 
@@ -149,48 +147,87 @@ class PlanarGalerkin:
         return np.array(out)
 
 
-def equilibrium_by_collocation(case, field, tolerance=1e-10):
-    """Tip position from the balance of forces and moments; unknowns p (3), q (4) and the moment (3), world frame."""
-    gravity, magnet = np.asarray(case.gravity), case.magnets[0]
+def axes(q):
+    """Columns of the rotation matrix of quaternions (4, ...), each (3, ...)."""
+    w, x, y, z = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+            [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
+            [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
 
-    def axes(q):
-        """Columns of the rotation matrix, each (3, points)."""
-        w, x, y, z = q
-        return np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
-                [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
-                [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
 
-    def slopes(load, s, y):
-        d = axes(y[3:7])
-        n = load * gravity[:, None] * (case.density * case.area * (case.length - s) + magnet.mass)
-        strain = np.einsum("aip,ip->ap", d, n) / case.c1[:, None]
-        strain[0] += 1
-        tangent = np.einsum("aip,ap->ip", d, strain)
-        u1, u2, u3 = np.einsum("aip,ip->ap", d, y[7:]) / case.c2[:, None]
-        w, x, y_, z = y[3:7]
-        turn = 0.5 * np.array(
-            [-x * u1 - y_ * u2 - z * u3, w * u1 + y_ * u3 - z * u2, w * u2 - x * u3 + z * u1, w * u3 + x * u2 - y_ * u1]
-        )
-        return np.concatenate([tangent, turn, -np.cross(tangent, n, axis=0)])
+class Balance:
+    """Balance of forces and moments along a rod, from magnet to magnet, as a two-point boundary value problem.
 
-    def ends(load, left, right):
-        moment = np.cross(np.tensordot(magnet.dipole, axes(right[3:7]), 1), load * field)
-        return np.concatenate([left[:3], left[3:7] - [1, 0, 0, 0], right[7:] - moment])
+    Unknowns of every segment: p, q, force n and moment m on the section in the world frame (13), in units of the length
+    L, EI / L^2 and EI / L; x from 0 to 1 along each segment. weight and pull: shares of gravity and of the field.
+    """
 
-    s = np.linspace(0, case.length, 41)
-    y = np.zeros((10, 41))
-    y[0], y[3] = s, 1.0
-    for load in (0.25, 0.5, 0.75, 1.0):  # gravity and field together
-        balance, clamp_and_tip = partial(slopes, load), partial(ends, load)
-        done = solve_bvp(balance, clamp_and_tip, s, y, tol=tolerance, bc_tol=1e-12, max_nodes=20000)
-        if not done.success:
-            raise RuntimeError(done.message)
-        s, y = done.x, done.y
-    return y[:3, -1]
+    def __init__(self, case):
+        self.case, moment = case, case.c2[1] / case.length
+        self.force, self.moment = moment / case.length, moment
+        self.stops = sorted({case.length, *(magnet.s for magnet in case.magnets)})
+        self.lengths = np.diff([0.0, *self.stops]) / case.length
+        self.weight, self.pull = 0.0, 0.0
+
+    def slopes(self, x, y):
+        out = np.empty_like(y)
+        weight = self.weight * np.array(self.case.gravity) * self.case.density * self.case.area
+        for k, length in enumerate(self.lengths):
+            part = y[13 * k : 13 * k + 13]
+            d, n, m = axes(part[3:7]), part[7:10], part[10:]
+            strain = np.einsum("aip,ip->ap", d, n) * self.force / self.case.c1[:, None]
+            strain[0] += 1
+            tangent = np.einsum("aip,ap->ip", d, strain)
+            u1, u2, u3 = np.einsum("aip,ip->ap", d, m) * self.case.c2[1] / self.case.c2[:, None]
+            q0, q1, q2, q3 = part[3:7]
+            turn = [-q1 * u1 - q2 * u2 - q3 * u3, q0 * u1 + q2 * u3 - q3 * u2]
+            turn += [q0 * u2 - q1 * u3 + q3 * u1, q0 * u3 + q1 * u2 - q2 * u1]
+            lost = np.broadcast_to(-weight[:, None] * self.case.length / self.force, n.shape)
+            rows = [tangent, 0.5 * np.array(turn), lost, -np.cross(tangent, n, axis=0)]
+            out[13 * k : 13 * k + 13] = length * np.concatenate(rows)
+        return out
+
+    def point_load(self, stop, end):
+        """Force and moment (6,) of what sits at arc length stop, where the segment's state is end (13,)."""
+        load, gradient = np.zeros(6), self.pull * np.asarray(self.case.gradient)
+        for magnet in self.case.magnets:
+            if magnet.s == stop:
+                dipole = np.tensordot(magnet.dipole, axes(end[3:7]), 1)
+                field = self.pull * self.case.field(0.0) + gradient @ end[:3] * self.case.length
+                load[:3] += (magnet.mass * self.weight * np.array(self.case.gravity) + dipole @ gradient) / self.force
+                load[3:] += np.cross(dipole, field) / self.moment
+        return load
+
+    def ends(self, start, end):
+        start, end = start.reshape(-1, 13), end.reshape(-1, 13)
+        out = [start[0, :7] - [0, 0, 0, 1, 0, 0, 0]]
+        for k, stop in enumerate(self.stops):
+            beyond = start[k + 1, 7:] if k + 1 < len(start) else np.zeros(6)
+            out.append(end[k, 7:] - beyond - self.point_load(stop, end[k]))
+            if k + 1 < len(start):
+                out.append(start[k + 1, :7] - end[k, :7])
+        return np.concatenate(out)
+
+    def tip(self, tolerance):
+        """Tip position, m: gravity rises first, then the field."""
+        x, rising = np.linspace(0, 1, 21), (0.003, 0.01, 0.03, 0.1, 0.25, 0.5, 0.75, 1.0)
+        y = np.zeros((13 * len(self.stops), 21))
+        y[3::13] = 1.0
+        for k, length in enumerate(self.lengths):
+            y[13 * k] = sum(self.lengths[:k]) + length * x
+        for self.weight, self.pull in [(share, 0.0) for share in rising] + [(1.0, share) for share in rising]:
+            last = (self.weight, self.pull) == (1.0, 1.0)
+            done = solve_bvp(
+                self.slopes, self.ends, x, y, tol=tolerance if last else 1e-3, bc_tol=1e-11, max_nodes=20000
+            )
+            if not done.success:
+                raise RuntimeError(done.message)
+            x, y = done.x, done.y
+        return y[-13:-10, -1] * self.case.length
 
 
 def main():
@@ -199,8 +236,9 @@ def main():
     for exact, found in zip(exact_frequencies(ROUND, 6), mesh_frequencies(ROUND, 6)):
         print(f"  {exact:.6f}  {found:.6f}  {abs(found / exact - 1):.1e}")
     print("statics: tip distance from solve_bvp")
-    for name, field in STATIC.items():
-        print(f"  {name}  {np.linalg.norm(equilibrium_by_collocation(STIFFER, field) - stored[name + '_tip']):.1e} m")
+    for name, case in EQUILIBRIA.items():
+        distance = np.linalg.norm(Balance(case).tip(1e-8) - stored[name + "_tip"])
+        print(f"  {name}  {distance:.1e} m", flush=True)
     print("free decay: tip distance from planar Legendre-Galerkin with Gauss collocation, RMS and largest")
     for count, steps in ((20, 20), (32, 20), (44, 40)):
         tip = PlanarGalerkin(ROUND, count).run(TIMES, steps)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .cases import DYNAMIC, OWN_TIMES, STATIC, STIFFER, TIMES, inner_cuts
+from .cases import DYNAMIC, EQUILIBRIA, LAYERS, OWN_TIMES, TIMES, inner_cuts
 from .spectral_rod import Mesh, to_world
 
 FILE = Path(__file__).with_name("reference.npz")
@@ -33,7 +33,19 @@ SETTINGS = {  # cases that need others: reference, coarser mesh, looser toleranc
         dict(elements=1, degree=10, steps=50),
         dict(elements=1, degree=14, steps=25),
     ),
+    "tilted_rotating_field": (
+        dict(elements=2, degree=10, tolerance=1e-9),
+        dict(elements=1, degree=13, tolerance=1e-9),
+        dict(elements=2, degree=10, tolerance=1e-5),
+    ),
+    "tilted_swing": (
+        dict(elements=12, degree=8, tolerance=1e-9),
+        dict(elements=8, degree=8, tolerance=1e-7),
+        dict(elements=12, degree=8, tolerance=1e-5),
+    ),
 }
+STATIC_SETTINGS = ((2, 10), (1, 14))  # elements and degree: reference, coarser mesh
+LAYER_SETTINGS = ((None, 12), (None, 9))  # degrees on the cuts of LAYERS
 
 
 def trajectory(case, times=TIMES, *, elements, degree, tolerance=None, steps=None):
@@ -65,38 +77,40 @@ def dynamic(name):
     return {f"{name}_{key}": value for key, value in out.items()}
 
 
-def equilibrium(field, *, elements, degree):
-    """Tip position and tangent reached from the straight rod by raising gravity, then the field, slowly."""
-    state = None
-    for load in (0.25, 0.5, 0.75, 1.0):
-        case = replace(STIFFER, gravity=(0.0, 0.0, -9.81 * load))
-        mesh = Mesh(case, degree, inner_cuts(case, elements))
-        state = mesh.equilibrium(np.zeros(3), state)
-    for load in np.linspace(0, 1, 9)[1:]:
-        state = mesh.equilibrium(load * field, state)
+def equilibrium(case, cuts, degree):
+    """Tip position and tangent reached from the straight rod by raising gravity, then field and gradient, slowly."""
+    state, share, step = None, 0.0, 0.25  # share 0 to 1: of gravity, 1 to 2: of field and gradient
+    while share < 2.0:
+        goal = min(share + step, np.floor(share) + 1.0)
+        weight, pull = min(goal, 1.0), max(goal - 1.0, 0.0)
+        loaded = replace(case, gravity=weight * np.array(case.gravity), gradient=pull * np.array(case.gradient))
+        mesh = Mesh(loaded, degree, cuts)
+        try:
+            state, share = mesh.equilibrium(pull * case.field(0.0), state), goal
+        except RuntimeError:
+            step /= 2
+            if step < 1e-4:
+                raise
     p, q, _, _ = mesh.split(state)
     return p[-1], to_world(q[-1], (1.0, 0.0, 0.0))
 
 
-def static():
-    """The arrays stored for the static cases."""
-    out = {}
-    for name, field in STATIC.items():
-        tip, tangent = equilibrium(field, elements=2, degree=10)
-        coarser, _ = equilibrium(field, elements=1, degree=14)
-        out |= {
-            f"{name}_field": field,
-            f"{name}_tip": tip,
-            f"{name}_tip_tangent": np.array(tangent),
-            f"{name}_error_space": np.linalg.norm(coarser - tip),
-        }
-    return out
+def static(name):
+    """The arrays stored for one static case."""
+    case = EQUILIBRIA[name]
+    settings = STATIC_SETTINGS if name not in LAYERS else LAYER_SETTINGS
+    (tip, tangent), (coarser, _) = (
+        equilibrium(case, LAYERS.get(name) or inner_cuts(case, elements), degree) for elements, degree in settings
+    )
+    out = {"field": case.field(0.0), "tip": tip, "tip_tangent": np.array(tangent)}
+    out["error_space"] = np.linalg.norm(coarser - tip)
+    return {f"{name}_{key}": value for key, value in out.items()}
 
 
 def main(names):
-    for name in names or [*DYNAMIC, "static"]:
+    for name in names or [*DYNAMIC, *EQUILIBRIA]:
         stored = dict(np.load(FILE)) if FILE.exists() else {}
-        new = static() if name == "static" else dynamic(name)
+        new = static(name) if name in EQUILIBRIA else dynamic(name)
         np.savez_compressed(FILE, **stored | new)
         print(
             name,

@@ -38,7 +38,8 @@ class Case:
     """A rod, its loads and its magnets.
 
     area (m^2) and second_moment I (m^4, both bending axes; J = 2 I); gravity (m/s^2); drag (1/s): force
-    -drag * mass * velocity on the rod and on the point masses, none on rotation; field(t): uniform, T, world frame.
+    -drag * mass * velocity on the rod and on the point masses, none on rotation. The magnetic field at p is
+    field(t) + gradient @ p: T and T/m (dB_i/dx_j, constant), world frame; its force on a dipole is grad(m.B).
     The rod starts straight with velocity(s) (m/s) and spin(s) (rad/s) of the points s, shape (n, 3); None: at rest.
     """
 
@@ -52,6 +53,7 @@ class Case:
     drag: float = 0.0
     magnets: tuple[Magnet, ...] = ()
     field: Callable[[float], np.ndarray] = lambda t: np.zeros(3)
+    gradient: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),) * 3
     velocity: Callable[[np.ndarray], np.ndarray] | None = None
     spin: Callable[[np.ndarray], np.ndarray] | None = None
 
@@ -149,13 +151,18 @@ class Mesh:
         )
 
     def loads(self, p, q, field):
-        """Force (n, 3; world) and torque (n, 3; body) from rod, gravity and magnets; the potential energy."""
+        """Force (n, 3; world) and torque (n, 3; body) from rod, gravity and magnets; the potential energy.
+
+        field (3,): T, at the clamp; the case's gradient adds to it along the rod.
+        """
         force, torque = np.zeros_like(p), np.zeros_like(p)
         energy = elastic_loads(p, q, self.derivative, self.weight, self.case.c1, self.case.c2, force, torque)
         force += self.mass[:, None] * np.asarray(self.case.gravity)
         energy -= self.mass @ (p @ np.asarray(self.case.gravity))
+        gradient = np.asarray(self.case.gradient)
         for node, magnet in zip(self.magnet_node, self.case.magnets):
-            field_body = to_body(q[node], field)
+            field_body = to_body(q[node], field + gradient @ p[node])
+            force[node] += np.array(to_world(q[node], magnet.dipole)) @ gradient
             torque[node] += cross(magnet.dipole, field_body)
             energy -= np.dot(magnet.dipole, field_body)
         return force, torque, energy
@@ -253,7 +260,7 @@ class Mesh:
         return np.array(columns).T
 
     def equilibrium(self, field, start=None):
-        """A static state near `start` (default straight), by Newton's method on displacements and rotations."""
+        """A stable static state near `start` (default straight), by Newton's method on displacements and rotations."""
         state = (self.straight if start is None else start).copy()
         p, q, _, _ = self.split(state)
         unknowns = 6 * (self.count - 1)
@@ -284,8 +291,12 @@ class Mesh:
             step *= min(1.0, 0.3 / np.abs(step).max())
             p[:], q[:] = moved(step)
             if np.abs(step).max() < 1e-10:
-                return state
-        raise RuntimeError("no equilibrium found: take smaller load steps")
+                break
+        else:
+            raise RuntimeError("no equilibrium found: take smaller load steps")
+        if np.linalg.eigvalsh(-0.5 * (jacobian + jacobian.T))[0] <= 0.0:
+            raise RuntimeError("the equilibrium found is unstable: take smaller load steps")
+        return state
 
 
 @njit
