@@ -107,9 +107,10 @@ class Policy:
 def _arrays_in(path: Path) -> dict[str, np.ndarray]:
     """All arrays of a .npz file by name, except facts about how they were made."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            if not isinstance(file, np.lib.npyio.NpzFile):
-                raise ValueError("it holds a single array")
+        opened = np.load(path, allow_pickle=False)
+        if isinstance(opened, np.ndarray):
+            raise ValueError("it holds a single array")
+        with opened as file:
             return {name: file[name] for name in file.files if not name.startswith("fact_")}
     except (EOFError, KeyError, NotImplementedError, OSError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(f"it cannot be read ({error or type(error).__name__})") from None

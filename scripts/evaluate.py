@@ -56,7 +56,7 @@ def check(args: Args) -> None:
     if gymnasium.make(args.env_id).unwrapped.core.task.path is None:  # type: ignore[attr-defined]
         raise ValueError(f"env_id must be an environment that follows a path, but got {args.env_id!r}: try Circle.")
     _checks.count("episodes", args.episodes, advice="give the number of rods")
-    _checks.number("seed", args.seed, at_least=0, advice="give a whole number")
+    _checks.number("seed", args.seed, at_least=0, advice="give the seed of the first rod")
 
 
 def main() -> None:

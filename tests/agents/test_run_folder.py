@@ -72,7 +72,7 @@ def test_a_folder_that_is_not_empty_is_not_free(tmp_path):
     (tmp_path / "args.json.12.partial").touch()
     require_free(tmp_path / "new" / "run")
     (tmp_path / "anything").touch()
-    with pytest.raises(ValueError, match="must be empty, but .* holds anything"):
+    with pytest.raises(ValueError, match=r"must be empty, but .* holds anything"):
         require_free(tmp_path)
 
 

@@ -18,7 +18,9 @@ import torch
 from agents import ppo
 from agents.policy import Policy
 from agents.ppo import Args, load_args, train
+from agents.rollout import Result
 from agents.run_folder import checkpoint_path, checkpoints
+from scripts import evaluate
 
 ROOT = Path(__file__).parents[2]
 TINY = {"num_envs": 8, "rollout_steps": 64, "minibatch": 128, "epochs": 1, "checkpoint_every": 512, "progress": False}
@@ -44,14 +46,7 @@ def command(module, *arguments, **options):
 @pytest.fixture
 def no_evaluation(monkeypatch):
     """Training without the figures of its end, which take a second and say nothing here."""
-    monkeypatch.setattr(ppo, "evaluate", lambda *_, **__: ppo_result())
-    monkeypatch.setattr(ppo, "table", lambda results: "")
-
-
-def ppo_result():
-    from agents.rollout import Result
-
-    return Result("PPO", np.zeros((1, 1)), 0.0, 0, 1.0)
+    monkeypatch.setattr(ppo, "evaluate", lambda *_, **__: Result("PPO", np.zeros((1, 1)), 0.0, 0, 1.0))
 
 
 # ---- arguments
@@ -91,13 +86,7 @@ def test_an_argument_with_which_no_run_can_be_is_refused_before_the_folder_is_ma
     ("module", "arguments", "word"),
     [
         ("scripts.train_ppo", ("--gamma", "2", "--folder", "{}/run"), "gamma must be"),
-        ("agents.ppo", ("--env-id", "Nothing-v0", "--folder", "{}/run"), "env_id must be"),
-        ("scripts.train_ppo", ("--resume", "{}"), "has no args.json"),
-        ("scripts.train_ppo", ("--folder", "{}/file/run"), "files must be readable and writable"),
-        ("scripts.evaluate", ("--env-id", "Nothing-v0"), "env_id must be"),
-        ("scripts.evaluate", ("--env-id", "MagRod/Reach-v0"), "follows a path"),
-        ("scripts.evaluate", ("--episodes", "0"), "episodes must be"),
-        ("scripts.evaluate", ("--seed", "-1"), "seed must be"),
+        ("agents.ppo", ("--folder", "{}/file/run"), "files must be readable and writable"),
         ("scripts.evaluate", ("--policy", "{}/file", "--episodes", "2"), "must be a policy file"),
     ],
 )
@@ -107,6 +96,27 @@ def test_commands_say_what_is_wrong_and_end_with_code_2(tmp_path, module, argume
     assert done.returncode == 2, done.stderr
     assert done.stderr.startswith("error: ") and word in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ({"env_id": "Nothing-v0"}, "env_id must be a registered"),
+        ({"env_id": "MagRod/Reach-v0"}, "follows a path"),
+        ({"episodes": 0}, "episodes must be"),
+        ({"episodes": 2.5}, "episodes must be"),
+        ({"seed": -1}, "seed must be"),
+    ],
+)
+def test_nothing_is_evaluated_with_arguments_that_cannot_be(arguments, word):
+    with pytest.raises(ValueError, match=word):
+        evaluate.check(evaluate.Args(**arguments))
+
+
+def test_a_folder_that_is_no_run_cannot_be_resumed(tmp_path):
+    for folder in (tmp_path, tmp_path / "missing"):
+        with pytest.raises(ValueError, match=r"resume must be the folder of a run, but .* has no args.json"):
+            train(Args(resume=folder))
 
 
 def test_an_environment_with_goals_cannot_be_trained_on(tmp_path):
@@ -139,7 +149,7 @@ def test_random_numbers_go_on_and_do_not_repeat(tmp_path, no_evaluation):
     folder = train(tiny(tmp_path / "run", total_steps=ROLLOUT))
 
     def drawn(model):
-        return model.env.reset(), torch.rand(3).numpy(), np.random.rand(3)
+        return model.env.reset(), torch.rand(3).numpy(), np.random.rand(3)  # noqa: NPY002 (Stable-Baselines3's)
 
     first = drawn(ppo.begin(tiny(tmp_path / "again", total_steps=ROLLOUT))[2])
     later, later_again = (drawn(ppo.go_on(Args(resume=folder), folder)[2]) for _ in range(2))
