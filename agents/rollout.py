@@ -57,6 +57,18 @@ class Result:
 HEADER = ("controller", "mean", "RMS", "max", "best rod", "worst rod", "effort", "diverged", "sim/wall")
 
 
+def check_env_id(env_id: str) -> None:
+    """Refuse an id that no environment of this package has.
+
+    Raises:
+        ValueError: with the ids that there are.
+    """
+    spec = gymnasium.registry.get(env_id) if isinstance(env_id, str) else None
+    if spec is None or "magrod_env" not in str(spec.vector_entry_point):
+        known = ", ".join(name for name in gymnasium.registry if name.startswith("MagRod/"))
+        raise ValueError(f"env_id must be a registered environment of rods, but got {env_id!r}: choose one of {known}.")
+
+
 def evaluate(
     name: str, controller: Controller, env_id: str, *, num_episodes: int = 64, seed: int = 1_000_000, **settings: Any
 ) -> Result:

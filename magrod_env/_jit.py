@@ -1,62 +1,17 @@
-"""The one place for numba options and for where compiled kernels are cached.
+"""The one place for numba options; compiled kernels are kept on disk by :mod:`magrod_env._cache`."""
 
-numba keys a cached kernel by the source file of the outermost function only: after an edit to a helper in another file
-it would go on serving stale machine code. Kernels are therefore cached in a folder named by a digest of the sources
-that they can be made of (their own subpackage, the rod's and the lane type), under ``MAGROD_CACHE_DIR``, else
-``NUMBA_CACHE_DIR``, else the user's cache folder.
-"""
-
-import hashlib
 import importlib
-import os
-import tempfile
-from functools import lru_cache
-from pathlib import Path
 
 import numba
 from numba.core import types
 from numba.extending import NativeValue, models, register_model, typeof_impl, unbox
 
-ROOT = Path(__file__).parent
-SHARED = ("_jit.py", "_simd.py", "rod/*.py")  # what kernels anywhere may call
-
-
-def _source_digest(module: str) -> str:
-    """Hex digest over the Python sources of a module's folder in this package and of what is shared."""
-    folder = "/".join(module.split(".")[1:-1]) if module.split(".")[0] == ROOT.name else "rod"
-    digest = hashlib.sha256()
-    for path in sorted({path for pattern in (*SHARED, f"{folder}/*.py") for path in ROOT.glob(pattern.lstrip("/"))}):
-        digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()[:16]
-
-
-@lru_cache
-def cache_folder(module: str) -> str:
-    """A writable folder for the kernels of a module, by its name, in this version of the sources; a temporary one where
-    the user's cache cannot be written.
-    """
-    base = os.environ.get("MAGROD_CACHE_DIR") or os.environ.get("NUMBA_CACHE_DIR")
-    if not base:
-        base = os.path.join(
-            os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache"), "magrod"
-        )
-    folder = os.path.join(base, f"kernels-{_source_digest(module)}")
-    try:
-        os.makedirs(folder, exist_ok=True)
-        tempfile.TemporaryFile(dir=folder).close()
-    except OSError:
-        folder = os.path.join(tempfile.gettempdir(), os.path.basename(folder))
-    return folder
+from magrod_env._cache import KernelCache
 
 
 def _compile(function, **options):
     dispatcher = numba.njit(error_model="numpy", nogil=True, **options)(function)
-    shared = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = cache_folder(function.__module__)  # read once, when the function's cache is created
-    try:
-        dispatcher.enable_caching()
-    finally:
-        numba.config.CACHE_DIR = shared
+    dispatcher._cache = KernelCache(function)  # what numba's enable_caching does with its own
     return dispatcher
 
 

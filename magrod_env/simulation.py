@@ -92,7 +92,7 @@ class Simulation:
             what a `tolerance` chooses. Implicit steps are computed in space, in a `plane` too.
         frequency_shaping: with element="nodal", divide E by the locking factor 1 + GA h^2/(4 EI), h = length/elements.
         on_failure: "raise" SimulationDiverged after a step that a rod did not survive, or only "report" it in `status`.
-        num_threads: threads that share the batch; None for one a core.
+        num_threads: threads that share the batch; None for one for each core that the process may use.
 
     Raises:
         ValueError: on bad input, among it a time step beyond `stable_time_step`.

@@ -29,6 +29,7 @@ from tqdm import tqdm
 import magrod_env  # noqa: F401  (registers the ids)
 from agents.rollout import REAL_RODS
 from magrod_env import Simulation, load_scene
+from magrod_env.rod.threads import usable_cores
 from scripts import ROOT, Check, Report, Table, least_time
 from scripts.bench_scaling import features, scaling
 from scripts.bench_targets import targets
@@ -192,7 +193,7 @@ def environments(report: Report, quick: bool) -> None:
             "reset, µs an env",
             "randomised reset, µs an env",
         ),
-        note=f"Random actions; a step is 20 ms; a batch's resets are apart, {os.cpu_count()} threads share it. "
+        note=f"Random actions; a step is 20 ms; a batch's resets are apart, {usable_cores()} threads share it. "
         "A randomised reset builds a new rod and finds its equilibrium.",
     )
     effort = {"repeats": 3, "duration": 0.02} if quick else {"repeats": 7, "duration": 0.3}
@@ -226,7 +227,7 @@ def kernels(report: Report, quick: bool) -> None:
         note="The step that Simulation chooses by itself.",
     )
     scene = load_scene("paper5_circle", modulus="effective").replace(drag_rate=5.0)
-    cores = os.cpu_count() or 1
+    cores = usable_cores()
     for plane in tqdm((None,) if quick else (None, "xz"), desc="kernels", leave=False):
         for rods, precision, threads in (
             (1, "float64", 1),

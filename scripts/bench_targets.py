@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import gymnasium
 import numpy as np
 from tqdm import tqdm
 
+from magrod_env.rod.threads import usable_cores
 from scripts import Check, Report, Table, least_time
 
 CIRCLE, PLANAR = "MagRod/Circle-v0", "MagRod/PlanarReach-v0"
@@ -57,7 +57,7 @@ def targets(report: Report, quick: bool, stepper: Any, make: Any) -> None:
     table = Table(
         "Environment steps a second, and the tip's RMS error of the same configuration",
         ("configuration", "envs", "elements", "substeps of 20 ms", "error, mm", "steps/s"),
-        note=f"50 Hz control, observation and reward included, {os.cpu_count()} threads share a batch. "
+        note=f"50 Hz control, observation and reward included, {usable_cores()} threads share a batch. "
         f"Error: open-loop motion of 2 s against {FINEST} elements without conditioning.",
     )
     for title, name, precision, size, least in tqdm(TARGETS[2:] if quick else TARGETS, desc="targets", leave=False):

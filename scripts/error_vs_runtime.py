@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ import tyro
 from tqdm import tqdm
 
 from magrod_env import Simulation
+from magrod_env.rod.threads import usable_cores
 from scripts import Report, Table, spectral
 from scripts import precision as pr
 from scripts.peers import mujoco_chain, pyelastica, soromox
@@ -264,7 +264,7 @@ def batches(report: Report, tried: list[pr.Trial], record: Record, quick: bool) 
         BATCH_COLUMNS,
         note="Between steps the field is set and the positions can be read.",
     )
-    threads = os.cpu_count() or 1
+    threads = usable_cores()
     for n, axial, rotary in (
         ((3, 1.0, 16.0),)
         if quick

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import gymnasium
 import tyro
 
+from agents.command_line import one_sentence
 from agents.open_loop_circle import InverseStatics, RotatingField
 from agents.policy import Policy
-from agents.rollout import REAL_RODS, Controller, Result, evaluate, table
+from agents.rollout import REAL_RODS, Controller, Result, check_env_id, evaluate, table
+from magrod_env.magnetics import _checks
 
 WEIGHTS = Path(__file__).parents[1] / "agents" / "weights" / "circle_ppo.npz"
 
@@ -43,11 +46,27 @@ def compare(args: Args, randomized: bool) -> list[Result]:
     ]
 
 
+def check(args: Args) -> None:
+    """Refuse arguments with which nothing can be compared.
+
+    Raises:
+        ValueError: with the argument's name, what it must be and what it was.
+    """
+    check_env_id(args.env_id)
+    if gymnasium.make(args.env_id).unwrapped.core.task.path is None:  # type: ignore[attr-defined]
+        raise ValueError(f"env_id must be an environment that follows a path, but got {args.env_id!r}: try Circle.")
+    _checks.count("episodes", args.episodes, advice="give the number of rods")
+    _checks.number("seed", args.seed, at_least=0, advice="give the seed of the first rod")
+
+
 def main() -> None:
     """Print a table for the nominal rod and one for rods that differ from it."""
-    args = tyro.cli(Args, description=__doc__)
-    for title, randomized in (("Nominal rod", False), ("Rods that differ from the model", True)):
-        print(f"\n{title}, tip error in mm, {args.episodes} episodes:\n\n{table(compare(args, randomized))}")
+    with one_sentence():
+        args = tyro.cli(Args, description=__doc__)
+        check(args)
+        for title, randomized in (("Nominal rod", False), ("Rods that differ from the model", True)):
+            results = table(compare(args, randomized))
+            print(f"\n{title}, tip error in mm, {args.episodes} episodes:\n\n{results}")
 
 
 if __name__ == "__main__":

@@ -20,7 +20,8 @@ KERNELS = {"_jit", "_simd"}
 PHYSICS = {*KERNELS, "rod", "magnetics"}
 SCENES = {*PHYSICS, "scene", "scenes"}
 MAY_IMPORT = {
-    "_jit": set(),
+    "_cache": set(),
+    "_jit": {"_cache"},
     "_simd": {"_jit"},
     "rod": KERNELS,
     "magnetics": KERNELS,

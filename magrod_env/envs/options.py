@@ -15,6 +15,7 @@ from magrod_env.envs.tasks import Task
 from magrod_env.envs.workspace import Workspace
 from magrod_env.magnetics import Actuator, UniformCoils, _checks
 from magrod_env.resolution import Resolution, checked_resolution
+from magrod_env.rod.threads import checked_num_threads
 from magrod_env.scene import Scene
 from magrod_env.scenes import load_scene
 from magrod_env.simulation import resolution_for
@@ -129,10 +130,7 @@ def make_core(task: str, num_envs: int, settings: dict[str, Any]) -> SteeringCor
     _check_parts(scene, chosen)
     if not scene.magnets:
         raise ValueError("scene of an environment must have a magnet, but got none: no field would move the rod.")
-    if chosen["num_threads"] is not None:
-        chosen["num_threads"] = int(
-            _checks.count("num_threads", chosen["num_threads"], advice="give a number, or None for one a core")
-        )
+    chosen["num_threads"] = checked_num_threads(chosen["num_threads"])
     if "center_field" in settings:
         center = _checks.vector("center_field", settings["center_field"], advice="give a world vector in tesla")
         settings = settings | {"center_field": center}

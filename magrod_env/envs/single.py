@@ -83,7 +83,7 @@ num_elements is given |
     | observe | "camera" | or "state"; or "estimate": in the camera's place, see `EstimateState` |
     | randomization | None | a `Randomization` |
     | success_distance | 1e-3 | m, for `info["is_success"]` |
-    | num_threads | one a core | threads that share a batch |
+    | num_threads | one for each usable core | threads that share a batch |
     | radius, period, center_field, random_start | 16 mm, 2 s, (0, 0, 7.75 mT), True | "circle" |
     | path, size, period, ... | "figure_eight", 12 mm, 4 s | "path": a shape's name or points (M, 2) or (M, 3) m |
     | reach_limit | 25 mT | "reach", "planar_reach": fields whose equilibria are the targets |

@@ -1,8 +1,6 @@
 """Many rods of one make in lane blocks: writing them, stepping them on several threads, reading them."""
 
 import itertools
-import os
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -27,6 +25,7 @@ from magrod_env.rod.layout import (
 )
 from magrod_env.rod.mesh import RodValues, split_elements, write_rod
 from magrod_env.rod.stepping import run_blocks
+from magrod_env.rod.threads import Pool, checked_num_threads
 
 LANES = {"float64": 8, "float32": 16}
 PLANE_AXES = {None: (0, 1, 2), "xy": (0, 1), "xz": (0, 2)}
@@ -62,6 +61,7 @@ class RodBatch:
         def present(flag):
             return PRESENT if flag else None
 
+        self.num_threads = checked_num_threads(num_threads)
         self.num_rods, self.plane, self.axes = num_rods, plane, PLANE_AXES[plane]
         self.dtype = np.dtype(precision)
         self.counts = split_elements(values.ends, num_elements)
@@ -102,8 +102,7 @@ class RodBatch:
         self.rows[:, DAMPING] = internal_damping or 0.0
         if gravity is not None:
             self.rows[:, GRAVITY : GRAVITY + len(self.axes)] = np.asarray(gravity, float)[list(self.axes), None]
-        self.num_threads = num_threads or os.cpu_count() or 1
-        self._pool, self._bound = None, {}
+        self._pool, self._bound = Pool(self.num_threads), {}
 
     @property
     def width(self) -> int:
@@ -147,8 +146,6 @@ class RodBatch:
         if workers == 1:
             kernel(self.blocks, 0, total, *arguments)
             return
-        if self._pool is None:
-            self._pool = ThreadPoolExecutor(self.num_threads - 1, thread_name_prefix="magrod")
         cuts = [total * k // workers for k in range(workers + 1)]
         others = [
             self._pool.submit(kernel, self.blocks, first, last, *arguments)
@@ -257,7 +254,7 @@ class RodBatch:
         return {name: seen[row] for name, row in names.items()}
 
     def __getstate__(self):
-        return {**self.__dict__, "_pool": None, "_bound": {}, "rows": None}
+        return {**self.__dict__, "_bound": {}, "rows": None}
 
     def __setstate__(self, state):
         self.__dict__.update(state)

@@ -82,6 +82,27 @@ def test_pickled_environment_goes_on_in_another_process():
             assert_same(elsewhere, [env.step(action) for action in actions[3:]])
 
 
+@pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="the system does not fork")
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")  # threads and fork, which this test is about
+def test_forked_child_goes_on_with_a_batch_that_has_run():
+    """On two threads, of which a child has none; with a time-out, since it would wait for them for ever."""
+    batch = gymnasium.make_vec("MagRod/Circle-v0", num_envs=64, num_elements=3, num_threads=2)
+    actions = scripted_actions(batch.action_space, 4)
+    batch.reset(seed=1)
+    batch.step(actions[0])
+    receiver, sender = multiprocessing.get_context("fork").Pipe(duplex=False)
+    child = multiprocessing.get_context("fork").Process(
+        target=lambda: sender.send([batch.step(action)[:4] for action in actions[1:]])
+    )
+    child.start()
+    try:
+        assert receiver.poll(60), "the forked child hangs"
+        assert_same(receiver.recv(), [batch.step(action)[:4] for action in actions[1:]])
+    finally:
+        child.kill()
+        child.join()
+
+
 def check_video(folder):
     imageio = pytest.importorskip("imageio.v2")
     (path,) = folder.glob("*.mp4")
