@@ -137,36 +137,40 @@ class StaticModel:
         """Equilibrium in ``field`` (3,) T and ``gradient`` (3, 3) T/m in which a shape comes to rest.
 
         The shape flows down its energy as if there were no inertia and every node were braked by EI/L^3 against
-        displacement and EI/L against rotation: implicit Euler steps, longer the smaller the loads have become. A shape
-        that balances on an unstable equilibrium stays there and counts as not reached.
+        displacement and EI/L against rotation: implicit Euler steps, as long as they turn no node far, until Newton's
+        method converges. A shape that balances on an unstable equilibrium stays there and counts as not reached.
         """
         loads = np.concatenate([np.asarray(field, float), _slopes(gradient)])
         positions, quaternions = positions.copy(), quaternions.copy()
-        block, present = self._loaded(loads), PRESENT if loads[3:].any() else None
-        residual, band = self._room()
-        rate, before = 1.0, np.inf
+        rate = 1.0  # one over the step
         for _ in range(MOST_FLOWS):
-            assemble(
-                block, self.layout, self.terms, self.terms.nodal, present, positions, quaternions, residual, band, True
-            )
-            load = np.linalg.norm(residual / np.sqrt(self._flow))
-            band[:, BAND - 1] += rate * self._flow
-            largest = np.inf
-            if factorise(band) == 0:
-                solve_factored(band, residual)
-                largest = self._size(residual)
+            change = self._flow_step(positions, quaternions, loads, rate)
+            largest = np.inf if change is None else self._size(change)
             if not largest <= LARGEST_TURN:
                 rate *= 4.0
                 continue
-            self._move(positions, quaternions, residual)
-            rate, before = rate * (0.5 if load < before else 2.0), load
+            self._move(positions, quaternions, change)
             if largest < SMALL_FLOW:
-                found = self._relax(positions, quaternions, loads, present is not None)
+                found = self._relax(positions, quaternions, loads, bool(loads[3:].any()))
                 if found is not None:
                     return _result(*found, True, 2.0, loads[:3], loads[3:])
-                if largest < AT_REST:
+                if largest < AT_REST and rate <= 1.0:
                     break
+            if largest < 0.5 * LARGEST_TURN:
+                rate *= 0.5
         return _result(positions, quaternions, False, 1.0, loads[:3], loads[3:])
+
+    def _flow_step(self, positions, quaternions, loads, rate: float):
+        """Change (6 N,) of the degrees of freedom in a step of 1/``rate`` of the flow; None where it has no minimum."""
+        residual, band = self._room()
+        block, present = self._loaded(loads), PRESENT if loads[3:].any() else None
+        terms = self.terms
+        assemble(block, self.layout, terms, terms.nodal, present, positions, quaternions, residual, band, True)
+        band[:, BAND - 1] += rate * self._flow
+        if factorise(band) != 0:
+            return None
+        solve_factored(band, residual)
+        return residual
 
     def _room(self):
         size = 6 * self.layout.num_elements
