@@ -272,8 +272,8 @@ def _lost(rod: int, field: np.ndarray, shares: np.ndarray) -> str:
     """What is to be said where most of a rod's members lose stability, at shares (K,) of the loads."""
     if np.median(shares) < 1.0:
         return (
-            f"gravity must not buckle rods that are to start in equilibrium, but buckles most members of rod {rod} before "
-            "any field acts: make the rod shorter or stiffer, or start straight, without a field."
+            f"gravity must not buckle rods that are to start in equilibrium, but buckles most members of rod {rod} "
+            "before any field acts: make the rod shorter or stiffer, or start straight, without a field."
         )
     return (
         f"field must lead to a stable equilibrium from zero, but most members of rod {rod} "

@@ -336,7 +336,7 @@ def test_frequencies_of_an_equilibrium_that_does_not_exist_are_nan(share, plane,
 
 
 def test_frequencies_in_a_gradient_are_those_of_the_motion():
-    """Let go beside its equilibrium, nearly in the first mode: the time between zeros of the tip's distance from rest."""
+    """Let go beside its equilibrium, nearly in the first mode: the time between zeros of the tip's distance."""
     scene = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=0.0)
     simulation = wire(2, scene)
     field, slope = (8e-3, 0.0, 0.0), 1.0 * np.diag([1.0, -0.5, -0.5])
