@@ -25,7 +25,7 @@ _SAME_PLACE = 1e-9  # positions closer than this share of the rod's length are o
 # masses and moments neither overflow nor vanish.
 _SIZES = (1e-9, 1e4)  # m
 _DENSITIES = (1e-12, 1e9)  # kg/m^3
-_MODULI = (1e-6, 1e18)  # Pa
+_MODULI = (1e-20, 1e18)  # Pa: next to nothing stands for a rod that does not resist
 _LARGEST_MOMENT = 1e9  # A m^2
 _LARGEST_MASS = 1e9  # kg
 _LARGEST_REMANENCE = 100.0  # T: neodymium has 1.5
