@@ -2,6 +2,7 @@
 
 from magrod_env.magnetics import Actuator, UniformCoils
 from magrod_env.registration import register_all
+from magrod_env.rod.equilibrium import Equilibrium
 from magrod_env.scene import Magnet, Rod, Scene
 from magrod_env.scenes import load_scene, paper_scene, scene_names
 from magrod_env.simulation import CoarseWarning, Simulation, SimulationDiverged, StabilityError
@@ -13,6 +14,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Actuator",
     "CoarseWarning",
+    "Equilibrium",
     "Magnet",
     "Rod",
     "Scene",

@@ -21,6 +21,18 @@ Vector = _checks.Vector
 
 _SAME_PLACE = 1e-9  # positions closer than this share of the rod's length are one place
 
+# From the smallest to the largest that is accepted, SI; far beyond what can be built. Within them areas, stiffness,
+# masses and moments neither overflow nor vanish.
+_SIZES = (1e-9, 1e4)  # m
+_DENSITIES = (1e-12, 1e9)  # kg/m^3
+_MODULI = (1e-20, 1e18)  # Pa: next to nothing stands for a rod that does not resist
+_LARGEST_MOMENT = 1e9  # A m^2
+_LARGEST_MASS = 1e9  # kg
+_LARGEST_REMANENCE = 100.0  # T: neodymium has 1.5
+_LARGEST_ACCELERATION = 1e9  # m/s^2
+_LARGEST_RATE = 1e12  # 1/s
+_LONGEST_DAMPING = 1e6  # s
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rod:
@@ -39,7 +51,8 @@ class Rod:
         poissons_ratio: Poisson's ratio nu, above -1 and at most 0.5.
 
     Raises:
-        ValueError: if the shape is unknown or a number is not finite and within these bounds.
+        ValueError: if the shape is unknown or a number is not finite and within these bounds, or so small or large
+            that it must be a slip of units (sizes are accepted from 1 nm to 10 km).
     """
 
     shape: Literal["circular", "square"]
@@ -56,10 +69,10 @@ class Rod:
                 "use Rod.circular or Rod.square."
             )
         width = "diameter" if self.shape == "circular" else "edge"
-        self._check("length", "length", "metres")
-        self._check("width", width, "metres, 2 mm is 2e-3")
-        self._check("density", "density", "kg/m^3, water has 1000")
-        self._check("youngs_modulus", "Young's modulus", "pascal, 1 MPa is 1e6")
+        self._check("length", "length", "metres", _SIZES)
+        self._check("width", width, "metres, 2 mm is 2e-3", _SIZES)
+        self._check("density", "density", "kg/m^3, water has 1000", _DENSITIES)
+        self._check("youngs_modulus", "Young's modulus", "pascal, 1 MPa is 1e6", _MODULI)
         ratio = _checks.number(
             "Poisson's ratio of the rod",
             self.poissons_ratio,
@@ -69,8 +82,11 @@ class Rod:
         )
         object.__setattr__(self, "poissons_ratio", ratio)
 
-    def _check(self, name: str, words: str, unit: str) -> None:
-        value = _checks.number(f"{words} of the rod", getattr(self, name), above=0.0, advice=f"give it in {unit}")
+    def _check(self, name: str, words: str, unit: str, bounds: tuple[float, float]) -> None:
+        least, most = bounds
+        value = _checks.bounded(
+            f"{words} of the rod", getattr(self, name), above=0.0, least=least, most=most, advice=f"give it in {unit}"
+        )
         object.__setattr__(self, name, value)
 
     @classmethod
@@ -171,8 +187,8 @@ class Magnet:
         length: length, m, for drawing; None where it is not known.
 
     Raises:
-        ValueError: if a number is not finite, negative or (position, diameter, length) zero, or the direction
-            is zero.
+        ValueError: if a number is not finite, negative or (position, diameter, length) zero, or beyond what can be
+            built, or the direction is zero.
     """
 
     position: float
@@ -189,13 +205,20 @@ class Magnet:
             above=0.0,
             advice="give its arc length from the clamp in metres; at the clamp a magnet cannot act",
         )
-        moment = _checks.number(
+        moment = _checks.bounded(
             "moment of the magnet",
             self.moment,
             at_least=0.0,
+            most=_LARGEST_MOMENT,
             advice="give A m^2 and turn it round with `direction`",
         )
-        mass = _checks.number("mass of the magnet", self.mass, at_least=0.0, advice="give it in kg, 1 mg is 1e-6")
+        mass = _checks.bounded(
+            "mass of the magnet",
+            self.mass,
+            at_least=0.0,
+            most=_LARGEST_MASS,
+            advice="give it in kg, 1 mg is 1e-6",
+        )
         direction = _checks.unit_vector(
             "direction of the magnet",
             self.direction,
@@ -231,9 +254,16 @@ class Magnet:
             remanence: residual flux density Br, T.
 
         Raises:
-            ValueError: as the class, and if the remanence or a size is not above 0.
+            ValueError: as the class, and if the remanence or a size is not above 0 or beyond what can be built.
         """
         volume = math.pi / 4.0 * _size_of_magnet("diameter", diameter) ** 2 * _size_of_magnet("length", length)
+        remanence = _checks.bounded(
+            "remanence of the magnet",
+            remanence,
+            above=0.0,
+            most=_LARGEST_REMANENCE,
+            advice="give it in tesla, N45 has 1.345",
+        )
         return cls(
             position=position,
             moment=dipole_moment(remanence, volume),
@@ -276,7 +306,7 @@ class Scene:
 
     Raises:
         ValueError: if an entry is of the wrong kind, a magnet lies off the rod or on another, or a number is
-            negative.
+            negative or beyond what can be built.
     """
 
     rod: Rod
@@ -292,12 +322,20 @@ class Scene:
         object.__setattr__(self, "magnets", _placed(self.magnets, self.rod.length))
         if self.gravity is not None:
             advice = "give a world vector in m/s^2, for instance (0, 0, -9.81), or None for no gravity"
-            object.__setattr__(self, "gravity", _checks.vector("gravity of the scene", self.gravity, advice=advice))
-        for name, unit in (("drag_rate", "1/s"), ("spin_drag_rate", "1/s"), ("internal_damping", "seconds")):
+            gravity = _checks.vector("gravity of the scene", self.gravity, advice=advice)
+            most = _LARGEST_ACCELERATION
+            for part in gravity:
+                _checks.bounded("an entry of the gravity of the scene", part, least=-most, most=most, advice=advice)
+            object.__setattr__(self, "gravity", gravity)
+        for name, unit, most in (
+            ("drag_rate", "1/s", _LARGEST_RATE),
+            ("spin_drag_rate", "1/s", _LARGEST_RATE),
+            ("internal_damping", "seconds", _LONGEST_DAMPING),
+        ):
             value = getattr(self, name)
             if value is not None:
                 advice = f"give it in {unit}, or None to leave it out"
-                value = _checks.number(f"{name} of the scene", value, at_least=0.0, advice=advice)
+                value = _checks.bounded(f"{name} of the scene", value, at_least=0.0, most=most, advice=advice)
                 object.__setattr__(self, name, value)
 
     @property
@@ -316,7 +354,10 @@ class Scene:
 
 
 def _size_of_magnet(name: str, value: float) -> float:
-    return _checks.number(f"{name} of the magnet", value, above=0.0, advice="give it in metres, 2 mm is 2e-3")
+    least, most = _SIZES
+    return _checks.bounded(
+        f"{name} of the magnet", value, above=0.0, least=least, most=most, advice="give it in metres, 2 mm is 2e-3"
+    )
 
 
 def _placed(magnets: tuple[Magnet, ...], length: float) -> tuple[Magnet, ...]:

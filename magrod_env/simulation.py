@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from magrod_env.integrator import SHARES, check_integrator, implicit_schemes, largest_step, working_step
 from magrod_env.magnetics import FieldCourse, _checks
+from magrod_env.magnetics.maxwell import checked_gradient
 from magrod_env.resolution import (
     EXPECTED_FIELD,
     Resolution,
@@ -23,14 +24,16 @@ from magrod_env.resolution import (
 )
 from magrod_env.rod.batch import PLANE_AXES, RodBatch
 from magrod_env.rod.energy import BENT, ENERGETIC, NOT_FINITE, STRETCHED
-from magrod_env.rod.equilibrium import LoadCase, StaticModel
+from magrod_env.rod.equilibrium import Equilibrium, StaticModel
 from magrod_env.rod.implicit import UNSOLVED
+from magrod_env.rod.layout import BENDING
 from magrod_env.rod.mesh import arc_lengths
 from magrod_env.rod.stability import angular_frequencies
 from magrod_env.rod.state import BatchState
 from magrod_env.scene import Scene
 from magrod_env.search import choose_resolution
 from magrod_env.shapes import Shape, check_one_start, checked_shape
+from magrod_env.snapshots import Snapshot, check_snapshot
 from magrod_env.values import axis_across, check_plane, locking_factor, relative_load, rod_values, scene_terms, shaped
 
 ELEMENTS = ("helical", "nodal")
@@ -39,8 +42,14 @@ SAFETY = 0.4  # of the bound, for a step that is left to us: sudden fields ring,
 LARGEST_LOCKING = 1.05  # of bending stiffness by the paper's element, before a warning
 WATCH_EVERY = 256  # steps
 FIELD_AHEAD = (1.5, 1.1, 1.0)  # times a new strongest field: the step is checked as far ahead as it is stable
+LARGEST_FIELD = 1e6  # T, beyond any: its squares and the energies that it makes stay finite
+SHORTEST_STEP = 1e-15  # of the stable one: in a shorter one rounding swallows all motion of the rod
+MOST_STEPS = 2**31  # of one call, hours at the least
+MOST_ELEMENTS, MOST_RODS = 2000, 10**7  # statics take dense matrices of the elements, a batch takes memory
+LARGEST_CONDITIONING = 1e12  # beyond which nothing is left of a stiffness beside rounding of the others
 
 Field = ArrayLike | Callable[[float], ArrayLike] | None
+Gradient = ArrayLike | Callable[[float], ArrayLike] | None
 
 
 class SimulationDiverged(RuntimeError):
@@ -52,7 +61,7 @@ class CoarseWarning(UserWarning):
 
 
 class StabilityError(RuntimeError):
-    """No stable equilibrium is reached from zero field: the rod buckles or snaps through on the way."""
+    """No stable equilibrium is reached as gravity, then the field are turned on: the rod buckles or snaps through."""
 
 
 _SYMPTOMS = {
@@ -120,6 +129,7 @@ class Simulation:
         if not isinstance(scene, Scene):
             raise ValueError(f"scene must be a Scene, but got {scene!r}: build one or use load_scene(name).")
         num_rods = int(_checks.count("num_rods", num_rods, advice="give the number of rods in the batch"))
+        _check_at_most("num_rods", num_rods, MOST_RODS)
         _check_choice("element", element, ELEMENTS)
         _check_choice("precision", precision, PRECISIONS)
         _check_choice("on_failure", on_failure, ("raise", "report"))
@@ -134,6 +144,7 @@ class Simulation:
         self.precision, self.plane, self.on_failure = precision, plane, on_failure
         self._across = axis_across(plane)
         self.expected_field = checked_expected_field(expected_field)
+        _check_at_most("expected_field", self.expected_field, LARGEST_FIELD)
         resolution = checked_resolution(num_elements, time_step, axial_softening, rotary_scaling, tolerance)
         if tolerance is not None:
             if element == "nodal" or frequency_shaping:
@@ -148,6 +159,9 @@ class Simulation:
             resolution = dataclasses.replace(resolution, integrator=scheme)
         self.integrator = resolution.integrator
         self.num_elements = num_elements = resolution.num_elements
+        _check_at_most("num_elements", num_elements, MOST_ELEMENTS)
+        for name in ("axial_softening", "rotary_scaling"):
+            _check_at_most(name, getattr(resolution, name), LARGEST_CONDITIONING)
         self._values, segments = rod_values(scene, resolution.axial_softening, resolution.rotary_scaling)
         locks = element == "nodal" and not frequency_shaping
         self._locking = locking_factor(self._values, num_elements) if locks else 1.0
@@ -166,6 +180,7 @@ class Simulation:
             **terms,
             num_threads=num_threads,
         )
+        self._check_representable()
         self._state = BatchState(self._batch)
         self._static = StaticModel(self._values, self._batch.counts, segments, element == "nodal", scene.gravity)
         self._time = self._strongest = self._safe_field = 0.0
@@ -175,16 +190,37 @@ class Simulation:
         self._load_per_tesla = relative_load(scene, 1.0) - self._weight_load
         self._longest_element = float(np.diff(self.arc_lengths).max()) / scene.rod.length
         self._field, self._gradient = np.zeros((num_rods, 3)), np.zeros((num_rods, 3, 3))
-        self.time_step = self._checked_step(resolution.time_step)
+        self._made_with = {
+            "scene": scene,
+            "num_rods": num_rods,
+            "num_elements": num_elements,
+            "element": element,
+            "precision": precision,
+            "plane": plane,
+            "integrator": self.integrator,
+            "axial_softening": resolution.axial_softening,
+            "rotary_scaling": resolution.rotary_scaling,
+            "frequency_shaping": bool(frequency_shaping),
+        }
+        self.time_step = resolution.time_step
         self.resolution = dataclasses.replace(resolution, time_step=self.time_step)
         self.reset()
+
+    def _check_representable(self) -> None:
+        """Refuse a scene whose stiffness or inertia overflows, or is nothing, in the numbers of the kernels."""
+        rows, layout = self._batch.rows, self._batch.layout
+        if not np.isfinite(rows).all() or not (rows[:, layout.elements + BENDING] > 0.0).all():
+            raise ValueError(
+                "scene must have stiffness and inertia within the range of its numbers, but some overflow or vanish in "
+                f'{self.precision}: check the units, or use precision="float64".'
+            )
 
     # ---- the time step
 
     @cached_property
     def stable_time_step(self) -> float:
         """Largest stable time step of the straight rod without field, s (see also `stable_time_step_in`)."""
-        return self.stable_time_step_in(0.0)
+        return _sound_step(lambda: self.stable_time_step_in(0.0))
 
     def stable_time_step_in(self, field_magnitude: float) -> float:
         """Largest stable time step, s, of the straight rod in a field of any direction up to `field_magnitude` (T).
@@ -196,19 +232,32 @@ class Simulation:
         return self._static.stable_time_step(field_magnitude, self.plane)
 
     def _checked_step(self, time_step: float | None) -> float:
-        if time_step is None and self.integrator != "explicit":
-            return working_step(self.integrator, float(self.natural_frequencies()[0]), self.stable_time_step)
         if time_step is None:
-            return SAFETY * self._static.working_time_step(
-                self.expected_field if self.scene.magnets else 0.0, self.plane
-            )
+            return _sound_step(self._step_of_the_scene)
         step = _checks.number("time_step", time_step, above=0.0, advice="give it in seconds, or None for a stable one")
         if step > self.stable_time_step:
             raise ValueError(
                 f"time_step must be at most {self.stable_time_step:.3g} s, the stability bound of this rod with "
                 f"{self.num_elements} elements, but got {step:.3g} s: lower it, or num_elements, or leave it None."
             )
+        if step < self._shortest_step:
+            raise ValueError(
+                f"time_step must be at least {self._shortest_step:.3g} s, below which rounding swallows the motion, "
+                f"but got {step:.3g} s: give it in seconds, or None for a stable one."
+            )
         return step
+
+    @cached_property
+    def _shortest_step(self) -> float:
+        explicit = self.integrator == "explicit"
+        return SHORTEST_STEP * (self.stable_time_step if explicit else _sound_step(self._step_of_the_scene))
+
+    def _step_of_the_scene(self) -> float:
+        """Step, s, where nothing is said."""
+        if self.integrator != "explicit":
+            return working_step(self.integrator, float(self.natural_frequencies()[0]), self.stable_time_step)
+        strength = self.expected_field if self.scene.magnets else 0.0
+        return SAFETY * self._static.working_time_step(strength, self.plane)
 
     @property
     def coarse(self) -> bool:
@@ -238,17 +287,28 @@ class Simulation:
             advice = f"use {self._elements_needed} or more, or a tolerance, or slow fields"
         warnings.warn(f"{problem}: {advice} (docs/resolution.md).", CoarseWarning, stacklevel=3)
 
-    def _check_field_strength(self, fields: np.ndarray) -> None:
-        """Refuse fields in which the step is too long, with few eigenvalue problems while a field rises."""
+    def _check_strength(self, fields: np.ndarray, gradients: np.ndarray, positions: np.ndarray | None = None) -> None:
+        """Refuse fields in which the step is too long, with few eigenvalue problems while a field rises.
+
+        Args:
+            fields, gradients: T and T/m, (..., num_rods, 3) and (..., num_rods, 3, 3).
+            positions: of the nodes, m, (num_rods, num_nodes, 3), where not the present ones.
+        """
+        if self.scene.magnets and gradients.any():
+            places = (self.positions if positions is None else positions)[:, list(self.magnet_nodes)]
+            places = np.nan_to_num(places)  # of rods that have failed
+            fields = fields[..., None, :] + np.einsum("...rij,rmj->...rmi", gradients, places)
         largest = float(np.linalg.norm(fields, axis=-1).max())
+        if self.scene.magnets and largest > self._safe_field:
+            self._safe_field = self._safe_reach(largest)
         self._strongest = max(self._strongest, largest)
-        if not self.scene.magnets or largest <= self._safe_field:
-            return
+
+    def _safe_reach(self, largest: float) -> float:
+        """A field, T, of at least `largest` in which the step is stable."""
         for reach in (max(FIELD_AHEAD[0] * largest, self.expected_field), *(ahead * largest for ahead in FIELD_AHEAD)):
             bound = self.stable_time_step_in(reach)
             if self.time_step <= bound:
-                self._safe_field = reach
-                return
+                return reach
         raise ValueError(
             f"time_step must be at most {bound:.3g} s in a field of {largest:.3g} T, "
             f"but is {self.time_step:.3g} s: give Simulation a smaller time_step."
@@ -256,56 +316,76 @@ class Simulation:
 
     @property
     def time_step(self) -> float:
-        """Longest step, s, that `advance` takes."""
+        """Longest step, s, that `advance` takes; to be set within the bounds of the argument, None for a stable one."""
         return self._time_step
 
     @time_step.setter
-    def time_step(self, step: float) -> None:
-        self._time_step, self._safe_field = float(step), 0.0
+    def time_step(self, step: float | None) -> None:
+        self._time_step, self._safe_field = self._checked_step(step), 0.0
 
     # ---- running
 
-    def reset(self, field: ArrayLike | None = None, shape: Shape | None = None) -> None:
+    def reset(
+        self,
+        field: ArrayLike | None = None,
+        shape: Shape | Equilibrium | None = None,
+        *,
+        gradient: ArrayLike | None = None,
+    ) -> None:
         """Start again at time 0 and at rest, by default straight along +x with no field.
 
         Args:
             field: (3,) or (num_rods, 3), T: puts each rod into the static equilibrium that it reaches when gravity and
                 then this field are turned on slowly.
-            shape: positions (num_nodes, 3) m and rotations (num_nodes, 3, 3) body to world of the nodes, or the same a
-                rod, from which the rods are released with no field; None beside a field.
+            shape: positions (num_nodes, 3) m and rotations of the nodes, body to world, as matrices (num_nodes, 3, 3)
+                or quaternions (num_nodes, 4), scalar first; or the same a rod; or an `Equilibrium`. The rods are
+                released from it with no field. None beside a field or a gradient.
+            gradient: T/m, (3, 3) or (num_rods, 3, 3), turned on with the field (zero where none is given), as in
+                `advance`; None for none.
 
         Raises:
-            ValueError: if the field is not finite, has another shape or leaves the plane; if the shape is none of a
-                clamped rod.
-            StabilityError: if a rod buckles or snaps through on the way.
+            ValueError: if field or gradient are not finite, have another shape, leave the plane or are too strong for
+                the time step, if the gradient breaks Maxwell's equations; if the shape is none of a clamped rod.
+            StabilityError: if a rod buckles or snaps through on the way. The simulation is then as it was.
         """
-        check_one_start(field, shape)
-        chosen = None
+        check_one_start(field, shape, gradient)
+        fields = np.zeros((self.num_rods, 3)) if field is None else self._checked_field(field)
+        slopes = np.zeros((self.num_rods, 3, 3)) if gradient is None else self._checked_gradient(gradient)
         if shape is not None:
-            chosen = checked_shape(shape, self.num_rods, self.num_elements + 1, self.scene.rod.length, self._across)
-        self._time = self._strongest = 0.0
-        self._batch.status[:] = 0
-        self._gradient[:] = 0.0
-        self._batch.set_gradient(self._gradient, 0.0)
-        self._set_field(np.zeros((self.num_rods, 3)) if field is None else self._checked_field(field))
-        if chosen is not None:
-            positions, quaternions = chosen
-        elif field is None:
-            positions, quaternions = self._static.straight()
-            positions = np.broadcast_to(positions, (self.num_rods, *positions.shape))
-            quaternions = np.broadcast_to(quaternions, (self.num_rods, *quaternions.shape))
+            start = checked_shape(shape, self.num_rods, self.num_elements + 1, self.scene.rod.length, self._across)
+        elif field is None and gradient is None:
+            start = self._straight()
         else:
-            positions, quaternions = self._equilibria(self._field)
-        self._state.write(positions, quaternions)
+            start = self._equilibria(fields, slopes)
+        before, self._strongest = self._strongest, 0.0
+        try:
+            self._check_strength(fields, slopes, start[0])
+        except ValueError:
+            self._strongest = before
+            raise
+        self._time = 0.0
+        self._batch.status[:] = 0
+        self._put_field(fields)
+        self._put_gradient(slopes)
+        self._batch.use_gradient(gradient is not None)
+        self._state.write(*start)
         self._batch.mark()
 
-    def _equilibria(self, fields: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        different, index = np.unique(fields, axis=0, return_inverse=True)
+    def _straight(self) -> tuple[np.ndarray, np.ndarray]:
+        positions, quaternions = self._static.straight()
+        return (
+            np.broadcast_to(positions, (self.num_rods, *positions.shape)),
+            np.broadcast_to(quaternions, (self.num_rods, *quaternions.shape)),
+        )
+
+    def _equilibria(self, fields: np.ndarray, gradients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        loads = np.concatenate([fields, gradients.reshape(-1, 9)], axis=1)
+        different, index = np.unique(loads, axis=0, return_inverse=True)
         shapes = []
-        for field in different:
-            case = self._static.equilibrium(field)
+        for load in different:
+            case = self._static.equilibrium(load[:3], load[3:] if load[3:].any() else None)
             if not case.reached:
-                raise StabilityError(_lost(case, field))
+                raise StabilityError(_lost(case, self.scene))
             shapes.append(case)
         index = index.ravel()
         return (
@@ -313,24 +393,58 @@ class Simulation:
             np.stack([shape.quaternions for shape in shapes])[index],
         )
 
-    def equilibrium(self, field: ArrayLike = (0.0, 0.0, 0.0), gradient: ArrayLike | None = None) -> LoadCase:
-        """Static equilibrium in one field, without touching the simulation's state.
+    def equilibrium(
+        self,
+        field: ArrayLike = (0.0, 0.0, 0.0),
+        gradient: ArrayLike | None = None,
+        *,
+        start: Equilibrium | Shape | None = None,
+    ) -> Equilibrium:
+        """Static equilibrium in one field, without touching the simulation's state; in space, whatever the `plane`.
 
         Args:
             field: (3,) T, world, at the origin.
             gradient: (3, 3) T/m, dB_i/dx_j, or None.
+            start: None follows the branch from the straight rod: gravity is turned on, then field and gradient. An
+                `Equilibrium` of this simulation is followed from its field and gradient to these along a straight
+                line, gravity staying on: round a loop, say. A shape, as in `reset`, relaxes without inertia in the
+                final loads: to another branch.
 
         Returns:
-            positions (num_nodes, 3) m, quaternions (num_nodes, 4), whether it was `reached`, and the `share` of the
-            loads (0-1 gravity, 1-2 field) at which stability was lost where it was not.
-        """
-        one = _checks.vector("field", field, advice="give a world vector in tesla")
-        slopes = None if gradient is None else np.asarray(gradient, float)
-        if slopes is not None and (slopes.shape != (3, 3) or not np.isfinite(slopes).all()):
-            raise ValueError(f"gradient must be finite of shape (3, 3), but got {gradient!r}: give dB_i/dx_j in T/m.")
-        return self._static.equilibrium(np.array(one), slopes)
+            positions (num_nodes, 3) m, quaternions (num_nodes, 4), whether it was `reached`, and where it was not the
+            `share` of the loads at which stability was lost: 0-1 gravity, 1-2 field and gradient, or the way to them
+            from those of `start`. From a shape it is 1 where no stable rest was found.
 
-    def advance(self, duration: float, field: Field = None, gradient: ArrayLike | None = None) -> None:
+        Raises:
+            ValueError: on bad loads, as in `reset`; if `start` was not reached, or is no equilibrium of this simulation
+                or no shape of a clamped rod.
+        """
+        one = np.array(_checks.vector("field", field, advice="give a world vector in tesla"))
+        _check_largest_field(one)
+        slopes = None if gradient is None else checked_gradient(gradient, 1).reshape(3, 3)
+        if start is None:
+            return self._static.equilibrium(one, slopes)
+        if isinstance(start, Equilibrium):
+            self._check_start(start)
+            return self._static.continued(start, one, slopes)
+        positions, quaternions = checked_shape(
+            start, 1, self.num_elements + 1, self.scene.rod.length, self._across, name="start"
+        )
+        return self._static.relaxed(positions[0], quaternions[0], one, slopes)
+
+    def _check_start(self, start: Equilibrium) -> None:
+        if not start.reached:
+            raise ValueError(
+                "start must be an equilibrium that was reached, but stability was lost on the way to it: take one "
+                "before that, or a shape beyond."
+            )
+        if len(start.positions) != self.num_elements + 1 or not self._static.holds(start):
+            raise ValueError(
+                "start must be an equilibrium of this simulation, but its shape does not stay where it is under its "
+                "own loads: take it from a simulation of the same scene and elements, or give (positions, rotations)."
+            )
+
+    def advance(self, duration: float, field: Field = None, gradient: Gradient = None) -> None:
         """Step all rods over `duration` (s), in equal steps no longer than `time_step`.
 
         Args:
@@ -338,43 +452,67 @@ class Simulation:
             field: T, world, (3,) or (num_rods, 3), constant over the duration; or a `FieldCourse`, or a function of
                 time (s) that returns one, taken in the middle of every step (a function costs a call in Python for
                 each, a `FieldCourse` does not); None keeps the last.
-            gradient: T/m, (3, 3) or (num_rods, 3, 3): dB_i/dx_j; the field is then `field` + gradient @ position and
-                pulls the magnets; None keeps the last, which is zero after a reset.
+            gradient: T/m, (3, 3) or (num_rods, 3, 3): dB_i/dx_j, symmetric and of trace zero; the field is then `field`
+                + gradient @ position and pulls the magnets; or a function of time (s) that returns one, taken in the
+                middle of every step (each step is then a call from Python of its own, some tens of microseconds); None
+                keeps the last, which is zero after a reset.
 
         Raises:
-            ValueError: on a wrong shape, NaN, a field that leaves the plane or is too strong for the time step.
+            ValueError: on a wrong shape, NaN, a field or gradient that leaves the plane, a gradient that breaks
+                Maxwell's equations, a field that is too strong for the time step.
             SimulationDiverged: if a rod fails and `on_failure` is "raise"; the others are then where they should be.
         """
         duration = _checks.number("duration", duration, at_least=0.0, advice="give it in seconds")
-        if gradient is not None:
-            self._set_gradient(gradient)
+        if duration > MOST_STEPS * self.time_step:
+            raise ValueError(
+                f"duration must be at most {MOST_STEPS * self.time_step:.3g} s, {MOST_STEPS} time steps of "
+                f"{self.time_step:.3g} s, but got {duration:.3g} s: check the units, or advance in parts."
+            )
+        self._set_loads(
+            self._field if field is None or callable(field) else self._checked_field(field),
+            self._gradient if gradient is None or callable(gradient) else self._checked_gradient(gradient),
+        )
         if duration == 0.0:
-            if field is not None and not callable(field):
-                self._set_field(self._checked_field(field))
             return
         steps = max(1, math.ceil(duration / self.time_step - 1e-9))
-        step = duration / steps
-        if field is not None and not callable(field):
-            self._set_field(self._checked_field(field))
-        start = self._time
+        step, start = duration / steps, self._time
         self._tell_of_coarse()
         for first in range(0, steps, WATCH_EVERY):
             if first > 0:
                 self._watch()
             count = min(WATCH_EVERY, steps - first)
-            table = None
-            if callable(field):
-                middles = start + step * (first + 0.5 + np.arange(count))
-                fields = self._fields_at(field, middles)
-                self._check_field_strength(fields)
-                self._field = fields[-1]
-                table = self._batch.field_table(fields)
-            if self.integrator == "explicit":
-                self._batch.run(count, step, fields=table)
-            else:
-                self._batch.run_implicit(count, step, SHARES[self.integrator], table)
+            middles = start + step * (first + 0.5 + np.arange(count))
+            fields = self._fields_at(field, middles) if callable(field) else None
+            slopes = self._gradients_at(gradient, middles) if callable(gradient) else None
+            self._run(count, step, fields, slopes)
             self._time = start + (first + count) * step
         self._watch()
+
+    def _run(self, count: int, step: float, fields: np.ndarray | None, gradients: np.ndarray | None) -> None:
+        """Take steps in the fields (count, num_rods, 3) and gradients (count, num_rods, 3, 3) of their middles; None
+        leaves what is.
+        """
+        if fields is not None or gradients is not None:
+            self._check_strength(
+                self._field if fields is None else fields,
+                self._gradient if gradients is None else gradients,
+            )
+        if gradients is None:
+            self._step(count, step, fields)
+            return
+        for k in range(count):
+            self._put_gradient(gradients[k])
+            self._step(1, step, None if fields is None else fields[k : k + 1])
+
+    def _step(self, count: int, step: float, fields: np.ndarray | None) -> None:
+        table = None
+        if fields is not None:
+            self._field = fields[-1]
+            table = self._batch.field_table(fields)
+        if self.integrator == "explicit":
+            self._batch.run(count, step, fields=table)
+        else:
+            self._batch.run_implicit(count, step, SHARES[self.integrator], table)
 
     def _fields_at(self, field: Callable[[float], ArrayLike], times: np.ndarray) -> np.ndarray:
         """Field of every rod at times (K,) s, T, (K, num_rods, 3)."""
@@ -382,9 +520,14 @@ class Simulation:
             return np.array([self._checked_field(field(float(time))) for time in times])
         fields = field.sample(times)
         self._checked_field(fields[0])
+        _check_largest_field(fields)
         fields = np.broadcast_to(fields[:, None] if fields.ndim == 2 else fields, (len(times), self.num_rods, 3))
         self._check_in_plane(fields)
         return fields
+
+    def _gradients_at(self, gradient: Callable[[float], ArrayLike], times: np.ndarray) -> np.ndarray:
+        """Gradient of every rod at times (K,) s, T/m, (K, num_rods, 3, 3)."""
+        return np.array([self._checked_gradient(gradient(float(time))) for time in times])
 
     def _watch(self) -> None:
         self._batch.watch()
@@ -405,6 +548,7 @@ class Simulation:
                 f"field must be finite of shape (3,) or ({self.num_rods}, 3), but got "
                 f"{'shape ' + str(array.shape) if array.size > 6 else repr(field)}: give world vectors in tesla."
             )
+        _check_largest_field(array)
         array = np.array(np.broadcast_to(array, (self.num_rods, 3)))
         self._check_in_plane(array)
         return array
@@ -419,30 +563,40 @@ class Simulation:
                 f"{np.abs(across).max():.3g} T across it: leave that component out, or use plane=None."
             )
 
-    def _set_field(self, field: np.ndarray) -> None:
-        self._check_field_strength(field)
-        self._field = field
-        self._batch.set_field(field)
+    def _checked_gradient(self, gradient: Any) -> np.ndarray:
+        """Gradient of every rod, T/m, (num_rods, 3, 3).
 
-    def _set_gradient(self, gradient: ArrayLike) -> None:
-        array = np.asarray(gradient, float)
-        if array.shape not in ((3, 3), (self.num_rods, 3, 3)) or not np.isfinite(array).all():
-            raise ValueError(
-                f"gradient must be finite of shape (3, 3) or ({self.num_rods}, 3, 3), but got shape {array.shape}: "
-                "give dB_i/dx_j in T/m."
-            )
-        array = np.array(np.broadcast_to(array, (self.num_rods, 3, 3)))
+        Motion in a plane has only its part in the plane; what is left out must not couple the two, and is free to make
+        the trace zero.
+        """
+        array = np.array(np.broadcast_to(checked_gradient(gradient, self.num_rods), (self.num_rods, 3, 3)))
         if self.plane is not None:
             across = self._across
             inside = [axis for axis in range(3) if axis != across]
-            if array[:, across, inside].any() or array[:, inside, across].any():
+            coupling = max(np.abs(array[:, across, inside]).max(), np.abs(array[:, inside, across]).max())
+            if coupling > 0.0:
                 raise ValueError(
-                    f"gradient must not couple the plane {self.plane!r} of this planar simulation with the axis "
-                    f"across it, but got {gradient!r}: use plane=None."
+                    f"gradient must not couple the plane {self.plane!r} of this planar simulation with the axis across "
+                    f"it, but got up to {coupling:.3g} T/m between them: leave that out, or use plane=None."
                 )
-        self._gradient = array
+        return array
+
+    def _set_loads(self, field: np.ndarray, gradient: np.ndarray) -> None:
+        """Let a field (num_rods, 3) T and a gradient (num_rods, 3, 3) T/m act from now on, or leave all as it is."""
+        self._check_strength(field, gradient)
+        if field is not self._field:
+            self._put_field(field)
+        if gradient is not self._gradient:
+            self._put_gradient(gradient)
+
+    def _put_field(self, field: np.ndarray) -> None:
+        self._field = field
+        self._batch.set_field(field)
+
+    def _put_gradient(self, gradient: np.ndarray) -> None:
+        self._gradient = gradient
         self._batch.use_gradient()
-        self._batch.set_gradient(self._gradient, 2.0 * self.scene.rod.length)
+        self._batch.set_gradient(gradient, 2.0 * self.scene.rod.length)
 
     # ---- state
 
@@ -528,30 +682,44 @@ class Simulation:
         state.write(state.positions, state.quaternions, arrays[0], state.momenta_of(arrays[1]))
         self._batch.mark()
 
-    def snapshot(self) -> dict[str, Any]:
-        """Everything that changes in time, to go back to with `restore`: for planning, estimation and branching."""
-        return {
-            "blocks": self._batch.blocks.copy(),
-            "status": self._batch.status.copy(),
-            "time": self._time,
-            "field": self._field.copy(),
-            "gradient": self._gradient.copy(),
-        }
+    def snapshot(self) -> Snapshot:
+        """Everything that changes in time, to go back to with `restore`: for planning, estimation and branching.
 
-    def restore(self, snapshot: dict[str, Any]) -> None:
-        """Go back to a `snapshot` of this simulation, or of one with the same arguments."""
-        if snapshot["blocks"].shape != self._batch.blocks.shape:
-            raise ValueError(
-                "snapshot must come from a simulation of the same scene and size, but its shape differs: take one."
-            )
+        A dictionary of arrays and numbers that can be pickled; what is in it is not meant to be changed.
+        """
+        return {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in self._now().items()}
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to a `snapshot` of this simulation, or of one with the same scene and arguments.
+
+        `time_step`, `tolerance`, `expected_field`, `on_failure` and `num_threads` may differ; the step stays.
+
+        Raises:
+            ValueError: if it comes from another scene, other arguments or a simulation with terms that this one lacks,
+                or is no snapshot; if its field is too strong for the time step. The simulation is then as it was.
+        """
+        check_snapshot(snapshot, self._now())
+        self._check_strength(snapshot["field"], snapshot["gradient"])
         self._batch.blocks[:] = snapshot["blocks"]
         self._batch.status[:] = snapshot["status"]
-        self._batch.travel[:] = 0.0
-        self._time = snapshot["time"]
+        self._batch.travel[:] = snapshot["travel"]
+        self._batch.use_gradient(snapshot["pulled"])
+        self._time = float(snapshot["time"])
         self._field, self._gradient = snapshot["field"].copy(), snapshot["gradient"].copy()
-        if self._gradient.any():
-            self._batch.use_gradient()
-        self._check_field_strength(self._field)
+
+    def _now(self) -> Snapshot:
+        """What a snapshot holds, not copied."""
+        batch = self._batch
+        return {
+            "made_with": {**self._made_with, "node damping": batch.terms.node_damping is not None},
+            "blocks": batch.blocks,
+            "status": batch.status,
+            "travel": batch.travel,
+            "pulled": batch.terms.gradient is not None,
+            "time": self._time,
+            "field": self._field,
+            "gradient": self._gradient,
+        }
 
     # ---- what the rods carry
 
@@ -581,13 +749,22 @@ class Simulation:
         orbital = np.cross(self.positions, self.node_masses[..., None] * self.velocities)
         return (orbital + np.einsum("rnij,rnj->rni", self.rotations, self._state.momenta))[:, 1:].sum(axis=1)
 
-    def natural_frequencies(self, field: ArrayLike | None = None) -> np.ndarray:
-        """Natural frequencies (Hz, increasing) of small vibrations about the equilibrium in `field`, (3,) T; None:
-        straight, no load.
+    def natural_frequencies(self, field: ArrayLike | None = None, gradient: ArrayLike | None = None) -> np.ndarray:
+        """Natural frequencies (Hz, increasing) of small vibrations about the equilibrium in a field and a gradient.
 
-        NaN stands for directions in which the state is unstable.
+        Args:
+            field: (3,) T; None for zero beside a gradient, else for the straight rod without any load.
+            gradient: (3, 3) T/m, dB_i/dx_j, or None.
+
+        Returns:
+            6 a node, the clamp left out, 3 in a plane; NaN in every entry where no stable equilibrium is reached (see
+            `equilibrium`).
         """
-        case = None if field is None else self.equilibrium(field)
+        case = None
+        if field is not None or gradient is not None:
+            case = self.equilibrium((0.0, 0.0, 0.0) if field is None else field, gradient)
+        if case is not None and not case.reached:
+            return np.full((6 if self.plane is None else 3) * self.num_elements, np.nan)
         stiffness, inertia = self._static.linearise(case)
         return angular_frequencies(stiffness, inertia, self.plane) / (2.0 * math.pi)
 
@@ -596,6 +773,36 @@ def _check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
     if value not in choices:
         raise ValueError(
             f"{name} must be one of {', '.join(map(repr, choices))}, but got {value!r}: choose one of them."
+        )
+
+
+def _sound_step(find: Callable[[], float]) -> float:
+    """A time step, s, that follows from a scene; ValueError where its numbers leave none."""
+    try:
+        with np.errstate(all="ignore"):
+            step = find()
+    except (np.linalg.LinAlgError, ZeroDivisionError):  # what overflows or underflows on the way
+        step = math.nan
+    if not step > 0.0:
+        raise ValueError(
+            f"scene must have sizes, materials, magnets and dampings that fit together, but no time step suits them "
+            f"all (found {step:.3g} s): check the units; lengths are in metres, moduli in pascal, times in seconds."
+        )
+    return step
+
+
+def _check_at_most(name: str, value: float, most: float) -> None:
+    if value > most:
+        raise ValueError(
+            f"{name} must be at most {most:.12g}, but got {value:.12g}: more cannot be computed, nor is it of use."
+        )
+
+
+def _check_largest_field(field: np.ndarray) -> None:
+    if np.abs(field).max() > LARGEST_FIELD:
+        raise ValueError(
+            f"field must be at most {LARGEST_FIELD:.0g} T, but got {np.abs(field).max():.3g} T: give it in tesla, "
+            "10 mT is 10e-3."
         )
 
 
@@ -621,11 +828,22 @@ def resolution_for(
     )
 
 
-def _lost(case: LoadCase, field: np.ndarray) -> str:
-    share = (
-        f"{100 * case.share:.3g} % of gravity" if case.share < 1.0 else f"{100 * (case.share - 1):.3g} % of the field"
-    )
+def _lost(case: Equilibrium, scene: Scene) -> str:
+    """What is to be said where stability is lost on the way to an equilibrium."""
+    lost = "the rod loses stability (it buckles or snaps through)"
+    if case.share < 1.0:
+        return (
+            f"gravity must not buckle a rod that is to start in equilibrium, but at {100 * case.share:.3g} % of "
+            f"{list(scene.gravity or ())} m/s^2, before any field acts, {lost}: make the rod shorter or stiffer, let "
+            "it hang another way, or start straight with reset() and let it fall."
+        )
+    names = ["field"] if case.field.any() or not case.gradient.any() else []
+    names += ["gradient"] if case.gradient.any() else []
+    loads = [f"{case.field.tolist()} T"] if names[0] == "field" else []
+    loads += [f"a gradient of up to {np.abs(case.gradient).max():.3g} T/m"] if case.gradient.any() else []
+    name = " and ".join(names)
     return (
-        f"field must lead to a stable equilibrium from zero, but at {field.tolist()} T the rod loses stability "
-        f"(it buckles or snaps through) at {share}: start from a weaker field and let the dynamics carry the rod over."
+        f"{name} must lead to a stable equilibrium from zero, but at {' and '.join(loads)} {lost} at "
+        f"{100 * (case.share - 1):.3g} % of the {name}: start from a weaker {names[0]} and let the dynamics carry the "
+        "rod over."
     )

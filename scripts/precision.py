@@ -221,6 +221,7 @@ def _leave_out(simulation: Simulation, names: tuple[str, ...]) -> None:
                 inertia = rod.rotary_inertia_per_length * carried[node]
                 rows[:, row + SPATIAL.compliance] = 0.25 / inertia
                 rows[:, row + SPATIAL.compliance + 1] = 0.5 / inertia
+    simulation.__dict__.pop("stable_time_step", None)  # that of the rod before
 
 
 def begin(simulation: Simulation, trial: Trial) -> None:

@@ -5,7 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from magrod_env import Simulation, load_scene
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -27,3 +30,33 @@ def test_links_to_files_resolve(page):
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text()):
         if not target.startswith(("http://", "https://", "mailto:")):
             assert (page.parent / target).exists(), target
+
+
+# ---- what the recipe for real coils is worth
+
+
+def rest_in_coils(coils, currents, simulation):
+    """Where one tip magnet rests in the coils' own field and gradient at its place, m: a damped fixed point."""
+    place = np.array([simulation.scene.rod.length, 0.0, 0.0])
+    for _ in range(80):
+        field, gradient = coils.field(place, currents), coils.gradient(place, currents)
+        place = 0.5 * place + 0.5 * simulation.equilibrium(field - gradient @ place, gradient).tip_position
+    return place
+
+
+def test_recipe_for_real_coils_finds_where_the_magnet_rests_in_them():
+    """To 0.01 mm, at rest by statics and after two seconds of damped motion, in fields of 15 to 22 mT."""
+    page = (ROOT / "docs" / "magnetics.md").read_text()
+    static, moving = (block for block in re.findall(r"```python\n(.*?)```", page, re.S) if "linear_field" in block)
+    simulation = Simulation(load_scene("paper5_circle", modulus="effective"))
+    names: dict = {}
+    for want in ((0.0, 0.02, 0.01), (0.0, 0.0, 0.015), (0.01, 0.0, 0.02)):
+        changed = static.replace("(0.0, 0.02, 0.01)", str(want))
+        assert want == (0.0, 0.02, 0.01) or changed != static
+        exec(changed, names)
+        exact = rest_in_coils(names["coils"], names["currents"], simulation)
+        np.testing.assert_allclose(names["place"], exact, atol=1e-5)
+    exec(moving, names)
+    for rod in range(2):
+        exact = rest_in_coils(names["coils"], names["currents"][rod], simulation)
+        np.testing.assert_allclose(names["simulation"].tip_position[rod], exact, atol=1e-5)

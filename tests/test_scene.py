@@ -113,6 +113,26 @@ def test_a_rod_needs_finite_positive_numbers(name, value):
         dataclasses.replace(ROUND, **{name: value})
 
 
+@pytest.mark.parametrize("name", ["length", "width", "density", "youngs_modulus"])
+@pytest.mark.parametrize("value", [5e-324, 1e-100, 1e100, 1e300])
+def test_a_rod_that_no_one_can_build_is_refused(name, value):
+    with pytest.raises(ValueError, match=r"of the rod must be between .* and .*, but got .*: give it in .*\.$"):
+        dataclasses.replace(ROUND, **{name: value})
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e4])
+@pytest.mark.parametrize("density", [1e-12, 1e9])
+@pytest.mark.parametrize("modulus", [1e-20, 1e18])
+def test_what_follows_from_the_least_and_largest_rods_neither_overflows_nor_vanishes(size, density, modulus):
+    rod = Rod.circular(
+        length=size, diameter=size, density=density, youngs_modulus=modulus, poissons_ratio=math.nextafter(-1.0, 0.0)
+    )
+    numbers = [getattr(rod, name) for name in dir(Rod) if isinstance(getattr(Rod, name), property)]
+    assert len(numbers) == 11
+    for number in numbers:
+        assert 1e-100 < number < 1e100  # far from 5e-324 and 1.8e308: so are products of two
+
+
 @pytest.mark.parametrize("value", [-1.0, 0.51, math.nan, "0.3", False])
 def test_poissons_ratio_has_bounds(value):
     words = r"Poisson's ratio of the rod must be a finite number > -1 and <= 0.5, but got"
@@ -137,6 +157,10 @@ def test_messages_name_the_width_as_the_user_does():
         ({"direction": (1, 0)}, "direction of the magnet must be three finite numbers"),
         ({"direction": "xyz"}, "direction of the magnet must be three finite numbers"),
         ({"diameter": 0.0}, "diameter of the magnet must be a finite number > 0"),
+        ({"diameter": 1e-100}, "diameter of the magnet must be between 1e-09 and 10000, but got 1e-100"),
+        ({"length": 1e300}, "length of the magnet must be between 1e-09 and 10000, but got 1e\\+300"),
+        ({"moment": 1e300}, "moment of the magnet must be between 0 and 1e\\+09, but got 1e\\+300"),
+        ({"mass": 1e300}, "mass of the magnet must be between 0 and 1e\\+09, but got 1e\\+300"),
         ({"length": math.nan}, "length of the magnet must be a finite number > 0"),
     ],
 )
@@ -161,6 +185,10 @@ def test_bad_magnets_are_told_in_one_sentence(changes, words):
         ),
         ({"gravity": 9.81}, "gravity of the scene must be three finite numbers, but got 9.81"),
         ({"gravity": (0, 0, math.inf)}, "gravity of the scene must be three finite numbers"),
+        ({"gravity": (0, 0, -1e300)}, "an entry of the gravity of the scene must be between -1e\\+09 and 1e\\+09"),
+        ({"drag_rate": 1e300}, "drag_rate of the scene must be between 0 and 1e\\+12"),
+        ({"spin_drag_rate": 1e300}, "spin_drag_rate of the scene must be between 0 and 1e\\+12"),
+        ({"internal_damping": 1e300}, "internal_damping of the scene must be between 0 and 1e\\+06"),
         ({"drag_rate": -1.0}, "drag_rate of the scene must be a finite number >= 0, but got -1.0"),
         (
             {"internal_damping": True},
@@ -171,6 +199,21 @@ def test_bad_magnets_are_told_in_one_sentence(changes, words):
 def test_bad_scenes_are_told_in_one_sentence(changes, words):
     with pytest.raises(ValueError, match=words):
         Scene(**{"rod": ROUND, **changes})
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"diameter": 1e-100}, "diameter of the magnet must be between"),
+        ({"length": 1e-200}, "length of the magnet must be between"),
+        ({"remanence": 1345.0}, "remanence of the magnet must be between 0 and 100, but got 1345.0: give it in tesla"),
+        ({"remanence": 0.0}, "remanence of the magnet must be a finite number > 0"),
+    ],
+)
+def test_a_cylinder_that_no_one_can_build_is_refused(changes, words):
+    good = {"position": 0.06, "diameter": 2e-3, "length": 4e-3, "mass": 1e-4, "remanence": 1.3}
+    with pytest.raises(ValueError, match=words):
+        Magnet.cylinder(**{**good, **changes})
 
 
 def test_an_unknown_shape_is_told_in_one_sentence():

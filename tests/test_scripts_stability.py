@@ -217,7 +217,7 @@ def test_an_unstable_run_never_ends_as_correct(share):
     seed = next(s for s in range(200) if (t := draw(s, True)).share and t.kind.name == "one magnet, planar")
     trial = draw(seed, True)
     runs = extreme.Runs(trial, 0.05)
-    runs.coarse.time_step = share * runs.coarse.stable_time_step
+    runs.coarse._time_step = share * runs.coarse.stable_time_step
     assert classify(runs).ending in ("reported", "sensitive", "wrong and silent")
 
 

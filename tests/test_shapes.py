@@ -51,6 +51,27 @@ def test_an_equilibrium_stays_where_it_is_put():
     np.testing.assert_allclose(put.positions, still.positions, atol=1e-9)
 
 
+@pytest.mark.parametrize("plane", [None, "xz"])
+def test_an_equilibrium_is_a_shape_as_it_is_and_by_its_parts(plane):
+    simulation = Simulation(load_scene("paper4_pdms_tip_magnet"), num_rods=2, num_elements=4, plane=plane)
+    case = simulation.equilibrium((2e-3, 0.0, 5e-3))
+    both = np.stack([case.quaternions, -case.quaternions])  # either sign is the same rotation
+    for shape in (
+        case,
+        (case.positions, case.rotations),
+        (case.positions, case.quaternions),
+        (case.positions, both),
+        (np.stack([case.positions] * 2), both),
+    ):
+        simulation.reset()
+        simulation.reset(shape=shape)
+        np.testing.assert_allclose(simulation.positions, [case.positions] * 2, atol=1e-15)
+        np.testing.assert_allclose(simulation.rotations, [case.rotations] * 2, atol=1e-14)
+        assert not simulation.field.any()
+    simulation.advance(0.1, field=case.field, gradient=case.gradient)
+    np.testing.assert_allclose(simulation.positions, [case.positions] * 2, atol=1e-9)
+
+
 def test_quaternions_of_rotations_by_any_angle():
     random = np.random.default_rng(3)
     angles = np.concatenate([[1e-9, np.pi, np.pi - 1e-7], random.uniform(0.0, np.pi, 300)])
@@ -75,6 +96,12 @@ POSITIONS, ROTATIONS = arc(1.0, 5, (0.0, 0.6, 0.8))
         ((POSITIONS, POSITIONS), "rotations of a shape must be finite of shape"),
         ((POSITIONS, 1.01 * ROTATIONS), "rotations of a shape must be rotation matrices"),
         ((POSITIONS, ROTATIONS * np.array([1.0, 1.0, -1.0])), "rotations of a shape must be rotation matrices"),
+        ((POSITIONS, ROTATIONS[..., 0]), "rotations of a shape must be finite of shape .* as quaternions"),
+        ((POSITIONS, np.full((5, 4), 0.6)), "rotations of a shape must be unit quaternions, but their length is off"),
+        ((POSITIONS, np.full((5, 4), np.nan)), "rotations of a shape must be finite"),
+        ((POSITIONS, np.tile([0.6, 0.8, 0.0, 0.0], (5, 1))), "shape must be clamped at the origin"),
+        ((POSITIONS, [[1.0], 2.0]), "rotations of a shape must be finite"),
+        ((POSITIONS, "straight"), "rotations of a shape must be finite"),
         ((POSITIONS + 1e-3, ROTATIONS), "shape must be clamped at the origin"),
     ],
 )
@@ -90,6 +117,8 @@ def test_a_shape_across_the_plane_or_beside_a_field_is_refused():
         Simulation(SCENE, num_elements=4, plane="xz").reset(shape=(POSITIONS, ROTATIONS))
     with pytest.raises(ValueError, match="shape must be None beside a field"):
         Simulation(SCENE, num_elements=4).reset(field=(0.0, 0.0, 0.0), shape=(POSITIONS, ROTATIONS))
+    with pytest.raises(ValueError, match="shape must be None beside a gradient"):
+        Simulation(SCENE, num_elements=4).reset(gradient=np.zeros((3, 3)), shape=(POSITIONS, ROTATIONS))
 
 
 def test_a_shape_in_a_plane_but_for_rounding_stays_in_it_by_implicit_steps_too():
@@ -116,6 +145,8 @@ def test_filters_of_members_start_about_a_shape(kind, options):
     estimator.reset(shape=SHAPE, mask=[False, True])
     np.testing.assert_allclose(estimator.positions[1], SHAPE[0], atol=1e-10)
     np.testing.assert_allclose(estimator.positions[0, -1], (BENT.scene.rod.length, 0.0, 0.0), atol=1e-10)
+    estimator.reset(shape=BENT.equilibrium((0.0, 3e-3, 6e-3)))
+    np.testing.assert_allclose(estimator.positions[0], SHAPE[0], atol=1e-9)
     spread = kind(BENT.scene, **(settings | {"tip_deviation": 1e-3}))
     spread.reset(shape=SHAPE)
     assert np.all(spread.uncertainty[:, -1].max(axis=-1) > 2e-4)

@@ -11,6 +11,8 @@ from magrod_env import Magnet, Rod, Scene, Simulation, SimulationDiverged, Stabi
 SOFT = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=5.0)
 FIELDS = np.array([[0.0, 0.0, 8e-3], [2e-3, 3e-3, 5e-3], [1e-3, -4e-3, 7e-3]])
 
+GENTLE = 0.2 * np.array([[1.0, 0.3, 0.0], [0.3, -0.6, 0.1], [0.0, 0.1, -0.4]])  # T/m
+
 
 def batch(**options):
     return Simulation(SOFT, **{"num_rods": 3, "num_elements": 4, **options})
@@ -164,6 +166,62 @@ def test_reset_where_no_stable_equilibrium_is_reached_says_so():
         Simulation(scene, num_elements=4).reset(field=(-20e-3, 0.0, 0.0))
 
 
+STANDING = Rod.circular(length=0.15, diameter=4e-3, density=1100.0, youngs_modulus=1.48e6, poissons_ratio=0.5)
+
+
+def test_gravity_that_buckles_the_rod_alone_is_what_is_blamed():
+    """It stands 1.25 times as long as the longest column that bears its weight, 7.837 EI/(rho A g) = L^3."""
+    simulation = Simulation(Scene(rod=STANDING, gravity=(-9.81, 0.0, 0.0)), num_elements=4)
+    for start in (dict(field=(0.0, 0.0, 0.0)), dict(gradient=np.zeros((3, 3)))):
+        with pytest.raises(
+            StabilityError, match=r"gravity must not buckle .* at \d+\.?\d* % of \[-9.81.* shorter or stiffer"
+        ):
+            simulation.reset(**start)
+
+
+def test_a_gradient_that_buckles_the_rod_is_named():
+    """A dipole along -x in dB_x/dx > 0 is pulled back along the rod."""
+    magnet = Magnet.dipole(position=SOFT.rod.length, moment=1e-2, direction=(-1.0, 0.0, 0.0))
+    simulation = Simulation(SOFT.replace(magnets=(magnet,), gravity=(0.0, 0.0, 0.0)), num_elements=4)
+    slope = 20.0 * np.diag([1.0, -0.5, -0.5])
+    with pytest.raises(
+        StabilityError, match=r"^gradient must lead .* up to 20 T/m .* % of the gradient: start from a weak"
+    ):
+        simulation.reset(gradient=slope)
+    with pytest.raises(
+        StabilityError, match=r"^field and gradient must .* T and a gradient of up to 20 T/m .* weaker field"
+    ):
+        simulation.reset(field=(0.0, 0.0, 1e-3), gradient=slope)
+
+
+def test_a_start_that_is_refused_leaves_everything_as_it_was():
+    simulation = batch()
+    simulation.advance(0.02, field=FIELDS, gradient=GENTLE)
+    before = everything(simulation)
+    refused = [
+        (StabilityError, dict(field=(-30e-3, 0.0, 30e-3))),
+        (ValueError, dict(field=(0.0, 0.0, np.nan))),
+        (ValueError, dict(field=(0.0, 0.0, 5e-3), gradient=np.eye(3))),
+        (ValueError, dict(shape=(np.zeros((5, 3)), np.zeros((5, 4))))),
+    ]
+    for error, start in refused:
+        with pytest.raises(error):
+            simulation.reset(**start)
+        for one, other in zip(everything(simulation), before, strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def test_reset_in_a_gradient_is_at_rest_there():
+    simulation = batch()
+    slopes = np.array([1.0, -0.5, 0.2])[:, None, None] * GENTLE
+    simulation.reset(field=FIELDS, gradient=slopes)
+    before = simulation.positions
+    for rod in range(3):
+        np.testing.assert_array_equal(before[rod], simulation.equilibrium(FIELDS[rod], slopes[rod]).positions)
+    simulation.advance(0.1)
+    np.testing.assert_allclose(simulation.positions, before, atol=1e-10)
+
+
 def test_set_motion_gives_the_velocities_it_was_given():
     simulation = batch()
     rng = np.random.default_rng(0)
@@ -201,6 +259,44 @@ def test_a_function_is_asked_in_the_middle_of_every_step():
     np.testing.assert_allclose(asked, 0.01 + 5e-5 * (np.arange(5) + 0.5), rtol=1e-12)
 
 
+def test_a_gradient_in_time_is_that_of_the_middle_of_every_step():
+    """Step by step with the same numbers; a field in time, of one kind or the other, beside it."""
+    options = dict(num_elements=4, time_step=5e-5)
+    called, by_hand = (Simulation(SOFT, **options) for _ in range(2))
+    called.advance(0.01, field=lambda t: FIELDS[0] * t, gradient=lambda t: GENTLE * np.sin(20.0 * t))
+    for k in range(200):
+        middle = (k + 0.5) * 5e-5
+        by_hand.advance(5e-5, field=FIELDS[0] * middle, gradient=GENTLE * np.sin(20.0 * middle))
+    np.testing.assert_allclose(called.positions, by_hand.positions, atol=1e-13)  # the steps' lengths differ by rounding
+    assert called.time == pytest.approx(0.01, rel=1e-12)
+    np.testing.assert_allclose(called._gradient[0], GENTLE * np.sin(20.0 * (0.01 - 2.5e-5)))
+
+
+def test_a_gradient_in_time_is_exact_to_second_order():
+    """A gradient that pulls a rod without a field: half the step, a quarter of the distance from the fine solution."""
+    ends = []
+    for step in (5e-5, 2.5e-5, 3.125e-6):
+        simulation = Simulation(SOFT, num_elements=2, time_step=step)
+        simulation.reset(field=(0.0, 0.0, 0.0))
+        simulation.advance(0.02, gradient=lambda t: 5.0 * GENTLE * np.sin(60.0 * t))
+        ends.append(simulation.tip_position[0])
+    coarse, half = (np.linalg.norm(end - ends[-1]) for end in ends[:2])
+    assert np.log2(coarse / half) == pytest.approx(2.0, abs=0.15)
+
+
+@pytest.mark.parametrize("gradient", [lambda t: np.eye(3), lambda t: [np.nan], lambda t: GENTLE if t < 1e-3 else None])
+def test_a_function_that_returns_a_bad_gradient_is_refused(gradient):
+    with pytest.raises(ValueError, match="gradient must"):
+        batch().advance(0.01, gradient=gradient)
+
+
+def test_a_moving_gradient_is_no_gain_of_energy_to_the_watchdog():
+    """It turns round ten times a second and pulls with a quarter of the rod's weight."""
+    simulation = Simulation(SOFT, num_elements=4)
+    simulation.advance(0.5, field=FIELDS[0], gradient=lambda t: 2.0 * GENTLE * np.sin(60.0 * t))
+    assert simulation.status[0] == 0
+
+
 def test_a_field_is_kept_until_another_is_given():
     given, kept = batch(), batch()
     for _ in range(2):
@@ -227,9 +323,8 @@ def test_restore_goes_back_to_the_same_bits(precision):
 
 
 def test_a_snapshot_goes_to_another_simulation_with_its_field_and_gradient():
-    slope = 0.2 * np.diag([1.0, -0.5, -0.5])
     source, target = batch(), batch()
-    source.advance(0.05, field=FIELDS, gradient=slope)
+    source.advance(0.05, field=FIELDS, gradient=GENTLE)
     target.restore(source.snapshot())
     assert_same(source, target)
     for simulation in (source, target):
@@ -242,13 +337,101 @@ def test_a_snapshot_is_not_touched_by_what_follows():
     snapshot = simulation.snapshot()
     kept = copy.deepcopy(snapshot)
     simulation.advance(0.05, field=FIELDS)
-    for name, value in kept.items():
-        np.testing.assert_array_equal(snapshot[name], value)
+    assert snapshot["made_with"] == kept["made_with"]
+    for name in kept.keys() - {"made_with"}:
+        np.testing.assert_array_equal(snapshot[name], kept[name])
 
 
-def test_a_snapshot_of_another_size_is_refused():
-    with pytest.raises(ValueError, match="snapshot must come from a simulation of the same scene and size"):
-        batch().restore(batch(num_elements=5).snapshot())
+def test_a_snapshot_from_before_a_gradient_goes_on_with_its_bits():
+    simulation, fresh = batch(), batch()
+    snapshot = simulation.snapshot()
+    simulation.advance(0.02, field=FIELDS, gradient=GENTLE)
+    simulation.restore(snapshot)
+    for each in (simulation, fresh):
+        each.advance(0.02, field=FIELDS)
+    assert_same(simulation, fresh)
+
+
+def test_a_snapshot_keeps_what_a_field_may_yet_put_in():
+    """Turned on and looked at only after the restore, a field accounts for the energy that it brings."""
+    simulation = Simulation(SOFT.replace(gravity=(0.0, 0.0, 0.0)), num_elements=4)
+    simulation.reset(field=(5e-3, 0.0, 0.0))
+    simulation.advance(0.0, field=(-5e-3, 0.0, 0.0))
+    simulation.restore(simulation.snapshot())
+    simulation.advance(1e-3)
+    assert simulation.status[0] == 0
+
+
+def test_a_snapshot_can_be_pickled_and_is_small():
+    stored = pickle.dumps(batch().snapshot())
+    assert len(stored) < 2 * batch()._batch.blocks.nbytes + 5000
+    batch().restore(pickle.loads(stored))
+
+
+OTHERS = {
+    "scene": lambda: Simulation(SOFT.replace(drag_rate=6.0), num_rods=3, num_elements=4),
+    "num_rods": lambda: batch(num_rods=4),
+    "num_elements": lambda: batch(num_elements=5),
+    "element": lambda: batch(element="nodal"),
+    "precision": lambda: batch(precision="float32"),
+    "plane": lambda: batch(plane="xz"),
+    "integrator": lambda: batch(integrator="implicit"),
+    "axial_softening": lambda: batch(axial_softening=2.0),
+    "rotary_scaling": lambda: batch(rotary_scaling=2.0),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_snapshot_of_another_simulation_is_refused(name):
+    simulation = batch()
+    before = everything(simulation)
+    with pytest.raises(ValueError, match=f"snapshot must come from a simulation of the same .* but its {name} differs"):
+        simulation.restore(OTHERS[name]().snapshot())
+    for one, other in zip(everything(simulation), before, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_snapshot_from_before_dampings_of_the_nodes_is_refused():
+    simulation = batch()
+    snapshot = simulation.snapshot()
+    simulation._batch.use_node_damping()
+    with pytest.raises(ValueError, match="its node damping differs"):
+        simulation.restore(snapshot)
+    simulation.restore(simulation.snapshot())
+
+
+def test_a_snapshot_goes_where_only_the_step_and_the_threads_differ():
+    source, target = batch(), batch(time_step=1e-5, num_threads=1, on_failure="report")
+    source.advance(0.02, field=FIELDS)
+    target.restore(source.snapshot())
+    assert_same(source, target)
+    assert target.time_step == 1e-5
+
+
+NO_SNAPSHOTS = [
+    (lambda s: {}, "lacks 'made_with', 'blocks'"),
+    (lambda s: None, "is NoneType"),
+    (lambda s: [s], "is list"),
+    (lambda s: {key: value for key, value in s.items() if key != "status"}, "lacks 'status'"),
+    (lambda s: s | {"made_with": 3}, "snapshot must say what it was made with"),
+    (lambda s: s | {"blocks": s["blocks"][:, :-1]}, "'blocks' of a snapshot must be a float64 array"),
+    (lambda s: s | {"blocks": s["blocks"].tolist()}, "'blocks' of a snapshot must be a float64 array"),
+    (lambda s: s | {"blocks": s["blocks"].astype(np.float32)}, "'blocks' of a snapshot must be a float64 array"),
+    (lambda s: s | {"status": s["status"] + 0.5}, "'status' of a snapshot must be a int64 array"),
+    (lambda s: s | {"time": np.nan}, "'time' of a snapshot must be a finite time, but got nan"),
+    (lambda s: s | {"time": -1.0}, "'time' of a snapshot must be"),
+    (lambda s: s | {"time": "0"}, "'time' of a snapshot must be"),
+    (lambda s: s | {"field": np.full((3, 3), np.inf)}, "'field' of a snapshot .* that is not finite"),
+    (lambda s: s | {"gradient": np.zeros((3, 3))}, "'gradient' of a snapshot must be"),
+    (lambda s: s | {"pulled": 1}, "'pulled' of a snapshot must be True or False"),
+]
+
+
+@pytest.mark.parametrize(("spoilt", "sentence"), NO_SNAPSHOTS)
+def test_what_is_no_snapshot_is_refused(spoilt, sentence):
+    simulation = batch()
+    with pytest.raises(ValueError, match=sentence):
+        simulation.restore(spoilt(simulation.snapshot()))
 
 
 @pytest.mark.parametrize("copied", [lambda s: pickle.loads(pickle.dumps(s)), copy.deepcopy], ids=["pickle", "deepcopy"])
@@ -279,6 +462,12 @@ BAD_ARGUMENTS = [
     (dict(time_step=1.0), "time_step must be at most"),
     (dict(time_step=0.0), "time_step must be a finite number > 0"),
     (dict(time_step=np.nan), "time_step must be a finite number > 0"),
+    (dict(time_step=1e-300), "time_step must be at least"),
+    (dict(num_rods=10**12), "num_rods must be at most 10000000, but got 1e+12"),
+    (dict(num_elements=10**9), "num_elements must be at most 2000, but got 1000000000"),
+    (dict(axial_softening=1e300), "axial_softening must be at most 1e+12, but got 1e+300"),
+    (dict(rotary_scaling=1e300), "rotary_scaling must be at most 1e+12, but got 1e+300"),
+    (dict(expected_field=1e300), "expected_field must be at most 1000000, but got 1e+300"),
     (dict(frequency_shaping=True), "frequency_shaping must be False with element='helical'"),
 ]
 
@@ -289,6 +478,70 @@ def test_a_bad_argument_gets_one_sentence(options, sentence):
         batch(**options)
     assert str(error.value).startswith(sentence)
     assert str(error.value).endswith(".")
+
+
+BAD_STEPS = [
+    (0.0, "time_step must be a finite number > 0, but got 0.0"),
+    (-1e-5, "time_step must be a finite number > 0, but got -1e-05"),
+    (np.nan, "time_step must be a finite number > 0, but got nan"),
+    (True, "time_step must be a finite number > 0, but got True"),
+    ("1e-5", "time_step must be a finite number > 0, but got '1e-5'"),
+    (1.0, "time_step must be at most .* s, the stability bound"),
+    (1e-300, "time_step must be at least .* s, below which rounding"),
+]
+
+
+@pytest.mark.parametrize(("step", "sentence"), BAD_STEPS)
+@pytest.mark.parametrize("integrator", ["explicit", "implicit"])
+def test_a_bad_time_step_is_refused_by_assignment_as_by_the_constructor(step, sentence, integrator):
+    if integrator == "implicit" and step == 1.0:
+        return  # it has no bound
+    simulation = batch(integrator=integrator)
+    before = simulation.time_step
+    for give in (lambda: setattr(simulation, "time_step", step), lambda: batch(integrator=integrator, time_step=step)):
+        with pytest.raises(ValueError, match=sentence):
+            give()
+    assert simulation.time_step == before
+
+
+def test_a_good_time_step_is_taken_by_assignment():
+    simulation = batch()
+    default = simulation.time_step
+    simulation.time_step = 0.5 * default
+    assert simulation.time_step == 0.5 * default
+    simulation.time_step = None
+    assert simulation.time_step == default
+
+
+def test_a_time_step_that_the_present_field_does_not_allow_is_refused_when_it_is_to_be_taken():
+    simulation = Simulation(SOFT, num_elements=4)
+    simulation.advance(0.0, field=(0.0, 0.0, 2.0))
+    simulation.time_step = simulation.stable_time_step
+    with pytest.raises(ValueError, match=r"time_step must be at most .* s in a field of 2 T"):
+        simulation.advance(0.01)
+
+
+@pytest.mark.parametrize("duration", [1e300, 1e9])
+def test_more_steps_than_can_be_waited_for_are_refused(duration):
+    with pytest.raises(ValueError, match=r"duration must be at most .* time steps"):
+        batch().advance(duration)
+
+
+def test_fields_beyond_any_are_refused():
+    for field in ((1e300, 0.0, 0.0), lambda t: (0.0, 1e200, 0.0)):
+        with pytest.raises(ValueError, match=r"field must be at most 1e\+06 T, but got"):
+            batch().advance(0.01, field=field)
+    with pytest.raises(ValueError, match="field must be at most"):
+        batch().equilibrium((1e300, 0.0, 0.0))
+    with pytest.raises(ValueError, match="gradient must be finite"):
+        batch().equilibrium(gradient=1e300 * np.diag([1.0, -0.5, -0.5]))
+
+
+def test_a_rod_too_thin_for_single_precision_is_told_so():
+    rod = Rod.circular(length=1e-3, diameter=1e-8, density=1e-9, youngs_modulus=1.0, poissons_ratio=0.3)
+    with pytest.raises(ValueError, match='use precision="float64"'):
+        Simulation(Scene(rod=rod), precision="float32")
+    assert Simulation(Scene(rod=rod)).time_step > 0.0
 
 
 def test_what_is_no_scene_is_refused():
@@ -352,8 +605,31 @@ def test_a_bad_gradient_is_refused(gradient):
 
 def test_a_gradient_that_leaves_the_plane_is_refused():
     simulation = Simulation(SOFT, num_elements=4, plane="xz")
-    with pytest.raises(ValueError, match="gradient"):
-        simulation.advance(0.01, gradient=np.array([[0.0, 0.5, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.0]]))
+    slope = np.array([[0.0, 0.5, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    for act in (lambda g: simulation.advance(0.01, gradient=g), lambda g: simulation.reset(gradient=g)):
+        with pytest.raises(ValueError, match=r"gradient must not couple the plane 'xz' .* up to 0.5 T/m"):
+            act(slope)
+    simulation.advance(0.01, gradient=0.5 * np.diag([1.0, -1.0, 0.0]))  # what the plane lacks makes the trace zero
+
+
+GRADIENT_TAKERS = {
+    "advance": lambda s, g: s.advance(0.01, gradient=g),
+    "advance_in_time": lambda s, g: s.advance(0.01, gradient=lambda t: g),
+    "reset": lambda s, g: s.reset(gradient=g),
+    "equilibrium": lambda s, g: s.equilibrium(gradient=g),
+    "frequencies": lambda s, g: s.natural_frequencies(gradient=g),
+}
+CURLED = 0.5 * np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize("take", GRADIENT_TAKERS.values(), ids=GRADIENT_TAKERS)
+@pytest.mark.parametrize("plane", [None, "xz"])
+def test_a_gradient_that_breaks_maxwells_equations_is_refused(take, plane):
+    simulation = Simulation(SOFT, num_elements=4, plane=plane)
+    with pytest.raises(ValueError, match=r"gradient must be symmetric, .* dB_x/dy and dB_y/dx differ by up to 0.5 T/m"):
+        take(simulation, CURLED)
+    with pytest.raises(ValueError, match=r"gradient must have trace zero, .* its trace is 0.3 T/m"):
+        take(simulation, np.diag([0.1, 0.1, 0.1]))
 
 
 @pytest.mark.parametrize("duration", [-0.01, np.nan, np.inf, "1"])

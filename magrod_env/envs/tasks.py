@@ -11,7 +11,7 @@ from magrod_env.envs.observing import Targets
 from magrod_env.envs.paths import evenly_spaced, shape
 from magrod_env.envs.workspace import Workspace
 from magrod_env.magnetics import _checks
-from magrod_env.rod.equilibrium import LoadCase
+from magrod_env.rod.equilibrium import Equilibrium
 
 PATH_POINTS = 120
 GRID_POINTS = 13
@@ -25,7 +25,7 @@ class Task:
     """
 
     targets: Targets
-    start_cases: tuple[LoadCase, ...]
+    start_cases: tuple[Equilibrium, ...]
     fields: np.ndarray | None
     path: np.ndarray | None
     period: float | None
@@ -63,7 +63,7 @@ def follow_fields(workspace: Workspace, fields: ArrayLike, *, period: float, ran
     return path_of_cases(workspace, workspace.equilibria(fields), period, random_start)
 
 
-def path_of_cases(workspace: Workspace, cases: list[LoadCase], period: float, random_start: bool) -> Task:
+def path_of_cases(workspace: Workspace, cases: list[Equilibrium], period: float, random_start: bool) -> Task:
     """A path task through equilibria."""
     table = workspace.positions(cases)
     return Task(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from magrod_env.rod.equilibrium import LoadCase, StaticModel
+from magrod_env.rod.equilibrium import Equilibrium, StaticModel
 from magrod_env.rod.mesh import split_elements
 from magrod_env.scene import Scene
 from magrod_env.simulation import StabilityError
@@ -32,7 +32,7 @@ class Workspace:
         nodes = self.model.layout.magnet_nodes if self.scene.magnets else (self.model.layout.num_elements,)
         return tuple(sorted(nodes, reverse=True))
 
-    def equilibrium(self, field: ArrayLike, near: LoadCase | None = None) -> LoadCase:
+    def equilibrium(self, field: ArrayLike, near: Equilibrium | None = None) -> Equilibrium:
         """Equilibrium in a field (3,) T, continued from `near` where that is given, else from zero field.
 
         Raises:
@@ -47,20 +47,20 @@ class Workspace:
             )
         return case
 
-    def equilibria(self, fields: ArrayLike) -> list[LoadCase]:
+    def equilibria(self, fields: ArrayLike) -> list[Equilibrium]:
         """Equilibria along a path of fields (M, 3) T."""
-        cases: list[LoadCase] = []
+        cases: list[Equilibrium] = []
         for field in np.asarray(fields, float):
             cases.append(self.equilibrium(field, cases[-1] if cases else None))
         return cases
 
-    def positions(self, cases: list[LoadCase]) -> np.ndarray:
+    def positions(self, cases: list[Equilibrium]) -> np.ndarray:
         """Positions of the tracked nodes, m, (len(cases), num_tracked, 3)."""
         return np.array([case.positions[list(self.tracked_nodes)] for case in cases])
 
     def hold(
-        self, target: ArrayLike, *, axes: str = "yz", near: LoadCase | None = None, tolerance: float = 1e-8
-    ) -> LoadCase:
+        self, target: ArrayLike, *, axes: str = "yz", near: Equilibrium | None = None, tolerance: float = 1e-8
+    ) -> Equilibrium:
         """Equilibrium whose outermost tracked point has two coordinates of `target` (3,) m; its `field` is what holds
         it.
 
@@ -95,9 +95,9 @@ class Workspace:
             f"{np.asarray(target).tolist()} m: choose a point nearer to the straight rod's tip."
         )
 
-    def hold_along(self, points: ArrayLike, *, axes: str = "yz") -> list[LoadCase]:
+    def hold_along(self, points: ArrayLike, *, axes: str = "yz") -> list[Equilibrium]:
         """Equilibria along a path of points (M, 3) m (see `hold`)."""
-        cases: list[LoadCase] = []
+        cases: list[Equilibrium] = []
         for point in np.asarray(points, float):
             cases.append(self.hold(point, axes=axes, near=cases[-1] if cases else None))
         return cases

@@ -237,10 +237,8 @@ class Members:
         )
         lost = (shares.reshape(rods, count) < 2.0).mean(axis=1) > 0.5
         if lost.any():
-            raise StabilityError(
-                f"field must lead to a stable equilibrium from zero, but most members of rod {int(lost.argmax())} "
-                f"buckle or snap through at {field[lost.argmax()].tolist()} T: start from a weaker field."
-            )
+            rod = int(lost.argmax())
+            raise StabilityError(_lost(rod, field[rod], shares.reshape(rods, count)[rod]))
         still = np.zeros_like(positions)
         strains = strains_of(positions, quaternions, still, still, self.lengths)[..., :6]
         return strains.reshape(rods, count, self.num_elements, 6)
@@ -255,6 +253,19 @@ class Members:
         full[0, :, 2] = curvature  # along y: about the third axis
         full[1, :, 1] = -curvature
         return full[[axis - 1 for axis in PLANE_AXES[self.plane][1:]]]
+
+
+def _lost(rod: int, field: np.ndarray, shares: np.ndarray) -> str:
+    """What is to be said where most of a rod's members lose stability, at shares (K,) of the loads."""
+    if np.median(shares) < 1.0:
+        return (
+            f"gravity must not buckle rods that are to start in equilibrium, but buckles most members of rod {rod} "
+            "before any field acts: make the rod shorter or stiffer, or start straight, without a field."
+        )
+    return (
+        f"field must lead to a stable equilibrium from zero, but most members of rod {rod} "
+        f"buckle or snap through at {field.tolist()} T: start from a weaker field."
+    )
 
 
 def turned(vectors: np.ndarray, fields: np.ndarray) -> np.ndarray:

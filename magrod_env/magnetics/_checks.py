@@ -32,6 +32,23 @@ def number(
     return result
 
 
+def bounded(
+    what: str,
+    value: Any,
+    *,
+    advice: str,
+    most: float,
+    least: float = 0.0,
+    above: float | None = None,
+    at_least: float | None = None,
+) -> float:
+    """Return `value` as `number` does, and refuse one beyond what can be built: products of such numbers overflow."""
+    result = number(what, value, advice=advice, above=above, at_least=at_least)
+    if not least <= result <= most:
+        raise ValueError(f"{what} must be between {least:g} and {most:g}, but got {value!r}: {advice}.")
+    return result
+
+
 def count(what: str, value: Any, *, advice: str) -> float:
     """Return `value`, a positive and finite whole number, as a float."""
     result = _real(value)

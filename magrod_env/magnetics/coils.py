@@ -165,6 +165,23 @@ class CoilSystem:
         split = self._split(currents)
         return sum((pair.gradient(points, amps) for pair, amps in split), start=np.zeros((3, 3)))
 
+    def linear_field(self, point: ArrayLike, currents: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Return the field at the origin (T), shape (..., 3), and the gradient (T/m), shape (..., 3, 3), of the linear
+        field that agrees with the coils' in value and gradient at a point: what a `Simulation` takes.
+
+        Beside the point it errs by the curvature of the coils' field, half the second derivative times the distance
+        squared; so expand about the place of the magnet, or midway between magnets.
+
+        Args:
+            point: where to expand, world frame, m, shape (..., 3), one for each rod of a batch for instance.
+            currents: as in `field`.
+
+        Raises:
+            ValueError: as in `field`.
+        """
+        gradient = self.gradient(point, currents)
+        return self.field(point, currents) - np.einsum("...ij,...j->...i", gradient, np.asarray(point, float)), gradient
+
     def _split(self, currents: ArrayLike) -> list[tuple[HelmholtzPair, np.ndarray]]:
         array = np.asarray(currents, dtype=float)
         if array.ndim == 0 or array.shape[-1] != len(self.pairs):

@@ -117,9 +117,9 @@ class RodBatch:
         moments[:, :2] = values.magnet_moments[:, list(self.axes)]
         return values._replace(magnet_moments=moments)
 
-    def use_gradient(self) -> None:
-        """From now on, compute the force that a field gradient makes."""
-        self.terms = self.terms._replace(gradient=PRESENT)
+    def use_gradient(self, used: bool = True) -> None:
+        """From now on, compute the force that a field gradient makes, or leave it out."""
+        self.terms = self.terms._replace(gradient=PRESENT if used else None)
 
     def use_node_damping(self) -> None:
         """From now on, every node has a damping of its own, zero until ``set_node_damping``."""

@@ -1,4 +1,4 @@
-"""Statics and linearisation of one rod behind a small object: equilibria, stiffness, stable steps."""
+"""Statics and linearisation of one rod behind a small object: equilibria, branches, stiffness, stable steps."""
 
 import copy
 from dataclasses import dataclass
@@ -9,16 +9,28 @@ from magrod_env._jit import PRESENT
 from magrod_env.rod import stability
 from magrod_env.rod.layout import Terms, make_blocks, make_layout, rows_of
 from magrod_env.rod.mesh import RodValues, write_rod
-from magrod_env.rod.statics import REACHED, find_equilibrium, relax, set_loads
-from magrod_env.rod.tangent import BAND, LANES
+from magrod_env.rod.state import rotation_matrices
+from magrod_env.rod.statics import LARGEST_TURN, REACHED, SHORTEST_STEP, find_equilibrium, relax, set_loads, turn
+from magrod_env.rod.tangent import BAND, LANES, assemble, factorise, solve_factored
+
+HELD = 1e-6  # what a shape may move, in lengths and rad, under loads whose equilibrium it is said to be
+MOST_FLOWS = 1000  # steps of a relaxation
+SMALL_FLOW = 1e-3  # rad and lengths: a step after which Newton's method is tried
+AT_REST = 1e-9
 
 
-@dataclass(frozen=True)
-class LoadCase:
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
     """An equilibrium, or the last stable shape before stability was lost.
 
-    positions (num_nodes, 3) m and quaternions (num_nodes, 4), world; ``share`` 2 where all loads act, else where
-    stability was lost: 0-1 the share of gravity, 1-2 one plus the share of the field.
+    Args:
+        positions: of the nodes, m, world, (num_nodes, 3).
+        quaternions: rotations of the sections, body to world, scalar first, (num_nodes, 4).
+        reached: whether all loads act.
+        share: 2 where it was reached; else where stability was lost: 0-1 the share of gravity, 1-2 one plus the share
+            of field and gradient, or of the way to them; from a shape that came to no stable rest, 1.
+        field: T, world, at the origin, (3,): what was asked for.
+        gradient: T/m, dB_i/dx_j, (3, 3): what was asked for.
     """
 
     positions: np.ndarray
@@ -34,10 +46,14 @@ class LoadCase:
         return self.positions[-1].copy()
 
     @property
+    def rotations(self) -> np.ndarray:
+        """Rotation matrices of the sections, body to world, (num_nodes, 3, 3)."""
+        return rotation_matrices(self.quaternions)
+
+    @property
     def tangents(self) -> np.ndarray:
         """First body axis of every section, world, (num_nodes, 3)."""
-        w, x, y, z = self.quaternions.T
-        return np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1)
+        return self.rotations[:, :, 0]
 
 
 class StaticModel:
@@ -62,16 +78,18 @@ class StaticModel:
         for lane in range(len(LANES)):
             write_rod(rows, lane, self.layout, counts, values, None, self.terms.nodal)
         stability.set_gravity(self._block, self.terms, self.gravity)
+        length = values.ends[-1]
+        self._flow = values.bending / length * np.tile([length**-2] * 3 + [1.0] * 3, self.layout.num_elements)
 
     def straight(self):
         """Positions (num_nodes, 3) and quaternions (num_nodes, 4) of the straight rod."""
         return stability.straight(self._block, self.layout, self.terms)
 
-    def equilibrium(self, field, gradient=None) -> LoadCase:
+    def equilibrium(self, field, gradient=None) -> Equilibrium:
         """Equilibrium in ``field`` (3,) T and ``gradient`` (3, 3) T/m or None (see ``find_equilibrium``)."""
         block = self._block.copy()
         positions, quaternions = self.straight()
-        slopes = np.zeros(9) if gradient is None else np.array(gradient, float).ravel()
+        slopes = _slopes(gradient)
         present = None if gradient is None else PRESENT
         status, share = find_equilibrium(
             block,
@@ -84,29 +102,119 @@ class StaticModel:
             positions,
             quaternions,
         )
-        return LoadCase(positions, quaternions, status == REACHED, float(share), np.array(field, float), slopes)
+        return _result(positions, quaternions, status == REACHED, share, field, slopes)
 
-    def follow(self, case: LoadCase, field) -> LoadCase:
-        """Equilibrium in ``field`` (3,) T, continued from one nearby; from zero field where that is too far."""
-        block = self._block.copy()
-        positions, quaternions = case.positions.copy(), case.quaternions.copy()
-        field, slopes = np.array(field, float), np.zeros(9)
-        set_loads(block, self.terms, 2.0, self.gravity, field, slopes)
+    def continued(self, start: Equilibrium, field, gradient=None) -> Equilibrium:
+        """Equilibrium in ``field`` (3,) T and ``gradient`` (3, 3) T/m, followed from that of other loads.
+
+        The loads go from those of ``start`` to these along a straight line, gravity staying on. Every accepted point is
+        stable and near the one before, as in ``find_equilibrium``; ``share`` is 1 plus the share of the way.
+        """
+        begin = np.concatenate([start.field, start.gradient.ravel()])
+        end = np.concatenate([np.asarray(field, float), _slopes(gradient)])
+        positions, quaternions = start.positions.copy(), start.quaternions.copy()
+        with_gradient = bool(begin[3:].any() or end[3:].any())
+        share, step = 0.0, 1.0
+        while share < 1.0 and step >= SHORTEST_STEP:
+            goal = min(share + step, 1.0)
+            found = self._relax(positions, quaternions, (1.0 - goal) * begin + goal * end, with_gradient)
+            if found is None:
+                step *= 0.5
+            else:
+                (positions, quaternions), share, step = found, goal, min(2.0 * step, 1.0)
+        return _result(positions, quaternions, share >= 1.0, 1.0 + share, end[:3], end[3:])
+
+    def holds(self, case: Equilibrium) -> bool:
+        """Whether a shape is a stable equilibrium of this rod under its loads."""
+        loads = np.concatenate([case.field, case.gradient.ravel()])
+        found = self._relax(case.positions, case.quaternions, loads, bool(loads[3:].any()))
+        if found is None:
+            return False
+        moved = np.abs(found[0] - case.positions).max() / self.straight()[0][-1, 0]
+        return max(moved, np.abs(found[1] - case.quaternions).max()) < HELD
+
+    def relaxed(self, positions, quaternions, field, gradient=None) -> Equilibrium:
+        """Equilibrium in ``field`` (3,) T and ``gradient`` (3, 3) T/m in which a shape comes to rest.
+
+        The shape flows down its energy as if there were no inertia and every node were braked by EI/L^3 against
+        displacement and EI/L against rotation: implicit Euler steps, as long as they turn no node far, until Newton's
+        method converges. A shape that balances on an unstable equilibrium stays there and counts as not reached.
+        """
+        loads = np.concatenate([np.asarray(field, float), _slopes(gradient)])
+        positions, quaternions = positions.copy(), quaternions.copy()
+        rate = 1.0  # one over the step
+        for _ in range(MOST_FLOWS):
+            change = self._flow_step(positions, quaternions, loads, rate)
+            largest = np.inf if change is None else self._size(change)
+            if not largest <= LARGEST_TURN:
+                rate *= 4.0
+                continue
+            self._move(positions, quaternions, change)
+            if largest < SMALL_FLOW:
+                found = self._relax(positions, quaternions, loads, bool(loads[3:].any()))
+                if found is not None:
+                    return _result(*found, True, 2.0, loads[:3], loads[3:])
+                if largest < AT_REST and rate <= 1.0:
+                    break
+            if largest < 0.5 * LARGEST_TURN:
+                rate *= 0.5
+        return _result(positions, quaternions, False, 1.0, loads[:3], loads[3:])
+
+    def _flow_step(self, positions, quaternions, loads, rate: float):
+        """Change (6 N,) of the degrees of freedom in a step of 1/``rate`` of the flow; None where it has no minimum."""
+        residual, band = self._room()
+        block, present = self._loaded(loads), PRESENT if loads[3:].any() else None
+        terms = self.terms
+        assemble(block, self.layout, terms, terms.nodal, present, positions, quaternions, residual, band, 2)
+        band[:, BAND - 1] += rate * self._flow
+        if factorise(band) != 0:
+            return None
+        solve_factored(band, residual)
+        return residual
+
+    def _room(self):
         size = 6 * self.layout.num_elements
-        residual, band = np.zeros(size), np.zeros((size, BAND))
-        if case.reached and relax(
-            block, self.layout, self.terms, self.terms.nodal, None, positions, quaternions, residual, band
-        ):
-            return LoadCase(positions, quaternions, True, 2.0, field, slopes)
-        return self.equilibrium(field)
+        return np.zeros(size), np.zeros((size, BAND))
 
-    def linearise(self, case: LoadCase | None):
+    def _loaded(self, loads):
+        """The rod's block with gravity and loads (12,): field, T, and gradient, T/m."""
+        block = self._block.copy()
+        set_loads(block, self.terms, 2.0, self.gravity, loads[:3].copy(), loads[3:].copy())
+        return block
+
+    def _relax(self, positions, quaternions, loads, with_gradient: bool):
+        """Positions and quaternions of the stable equilibrium near a shape under loads (12,); None where none is."""
+        positions, quaternions = positions.copy(), quaternions.copy()
+        block, present = self._loaded(loads), PRESENT if with_gradient else None
+        room = self._room()
+        terms = self.terms
+        reached = relax(block, self.layout, terms, terms.nodal, present, positions, quaternions, *room)
+        return (positions, quaternions) if reached else None
+
+    def _size(self, change) -> float:
+        """Largest rotation (rad) or displacement (over the length) of a change (6 N,) of the degrees of freedom."""
+        length = self.straight()[0][-1, 0]
+        return float(np.abs(change.reshape(-1, 6) / ([length] * 3 + [1.0] * 3)).max())
+
+    def _move(self, positions, quaternions, change) -> None:
+        """Displace and rotate the nodes beyond the clamp, in place."""
+        for node, part in enumerate(change.reshape(-1, 6), start=1):
+            positions[node] += part[:3]
+            turn(quaternions[node], part[3], part[4], part[5])
+
+    def follow(self, case: Equilibrium, field) -> Equilibrium:
+        """Equilibrium in ``field`` (3,) T, continued from one nearby; from zero field where that is too far."""
+        loads = np.concatenate([np.asarray(field, float), np.zeros(9)])
+        found = self._relax(case.positions, case.quaternions, loads, False) if case.reached else None
+        return self.equilibrium(field) if found is None else _result(*found, True, 2.0, loads[:3], loads[3:])
+
+    def linearise(self, case: Equilibrium | None):
         """Dense stiffness and lumped inertia at an equilibrium; None: straight and without load."""
         block = self._block.copy()
         if case is None:
             terms = self.terms._replace(magnets=None)
             return stability.linearise(block, self.layout, terms, None, *self.straight())
-        set_loads(block, self.terms, 2.0, self.gravity, case.field, case.gradient)
+        set_loads(block, self.terms, 2.0, self.gravity, case.field, case.gradient.ravel())
         present = PRESENT if case.gradient.any() else None
         return stability.linearise(block, self.layout, self.terms, present, case.positions, case.quaternions)
 
@@ -136,3 +244,13 @@ class StaticModel:
             stiffness, inertia = swung.linearise(swung.equilibrium(np.zeros(3)))
             bound = min(bound, stability.time_step_bound(stiffness + np.diag(shock), inertia, plane))
         return bound
+
+
+def _slopes(gradient) -> np.ndarray:
+    """A gradient (3, 3) T/m, or None, as the kernels take it, (9,)."""
+    return np.zeros(9) if gradient is None else np.array(gradient, float).ravel()
+
+
+def _result(positions, quaternions, reached, share, field, slopes) -> Equilibrium:
+    loads = np.array(field, float), slopes.reshape(3, 3).copy()
+    return Equilibrium(positions, quaternions, bool(reached), float(share), *loads)

@@ -34,13 +34,7 @@ class BatchState:
     @property
     def rotations(self) -> np.ndarray:
         """Rotation matrices of the sections, body to world, (num_rods, num_nodes, 3, 3)."""
-        w, x, y, z = np.moveaxis(self.quaternions, -1, 0)
-        rows = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-        return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+        return rotation_matrices(self.quaternions)
 
     @property
     def momenta(self) -> np.ndarray:
@@ -105,3 +99,14 @@ class BatchState:
         batch.set_nodes(rows.velocity, velocities)
         batch.set_nodes(rows.momentum, momenta)
         batch.rows[:, LEAST_COSINE] = 1.0
+
+
+def rotation_matrices(quaternions: np.ndarray) -> np.ndarray:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4), scalar first."""
+    w, x, y, z = np.moveaxis(quaternions, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))

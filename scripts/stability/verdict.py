@@ -282,7 +282,7 @@ class Runs:
         share = 1.0 if step == "double" else 0.5 ** HALVED.index(step)
         trial = self.trial if name == step else disturbed(self.trial)
         simulation = build(trial, trial.num_elements, "float64", default=True)
-        simulation.time_step = share * self.coarse.time_step
+        simulation._time_step = share * self.coarse.time_step  # whatever it is, beyond the bound too
         return follow(trial, simulation, self.plan)
 
 

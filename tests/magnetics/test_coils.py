@@ -156,3 +156,27 @@ def test_actuator_leaves_out_what_is_none():
 def test_coils_and_actuators_hash_and_pickle(thing):
     assert pickle.loads(pickle.dumps(thing)) == thing
     assert hash(dataclasses.replace(thing)) == hash(thing)
+
+
+def test_the_linear_field_has_the_value_and_gradient_of_the_coils_at_its_point():
+    rng = np.random.default_rng(4)
+    points, currents = rng.uniform(-0.02, 0.02, (5, 3)), rng.normal(size=(5, 2))
+    field, gradient = NESTED.linear_field(points, currents)
+    assert field.shape == (5, 3) and gradient.shape == (5, 3, 3)
+    at_points = field + np.einsum("kij,kj->ki", gradient, points)
+    np.testing.assert_allclose(at_points, NESTED.field(points, currents), rtol=1e-13, atol=1e-20)
+    np.testing.assert_array_equal(gradient, NESTED.gradient(points, currents))
+    one, slope = NESTED.linear_field(points[0], currents[0])
+    np.testing.assert_allclose(one, field[0], rtol=1e-13)
+    np.testing.assert_allclose(slope, gradient[0], rtol=1e-13)
+
+
+def test_the_linear_field_errs_by_the_square_of_the_distance():
+    """Half of it, a quarter of the error: 4 up to a share of the distance in radii."""
+    place, aside, currents = np.array([0.05, 0.01, -0.02]), np.array([2e-4, -1e-4, 3e-4]), np.array([1.0, 2.0])
+    field, gradient = NESTED.linear_field(place, currents)
+    errors = [
+        np.linalg.norm(field + gradient @ point - NESTED.field(point, currents))
+        for point in (place + aside, place + 0.5 * aside)
+    ]
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.02)

@@ -116,7 +116,7 @@ def test_the_default_step_survives_fields_that_turn_round(num_elements):
 
 def test_an_unstable_run_is_recognised_while_its_numbers_are_finite():
     simulation = Simulation(SOFT, num_elements=6)
-    simulation.time_step = 1.3 * simulation.stable_time_step  # past the check
+    simulation._time_step = 1.3 * simulation.stable_time_step  # past the check
     with pytest.raises(SimulationDiverged, match=r"rod 0 left the stable range by t = .* lower time_step"):
         simulation.advance(2.0)
     assert simulation.time < 2.0
@@ -127,7 +127,7 @@ def test_an_unstable_run_is_recognised_while_its_numbers_are_finite():
 @pytest.mark.parametrize("element", ["helical", "nodal"])
 def test_every_step_beyond_the_bound_is_recognised(factor, element):
     simulation = Simulation(SOFT, num_elements=6, element=element)
-    simulation.time_step = factor * simulation.stable_time_step
+    simulation._time_step = factor * simulation.stable_time_step
     with pytest.raises(SimulationDiverged):
         simulation.advance(5.0)
 

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
-from magrod_env import Simulation, StabilityError, load_scene
+from magrod_env import Equilibrium, Rod, Scene, Simulation, StabilityError, load_scene
 from rod.beams import slender_rod, weightless
 
 REFERENCE = np.load(Path(__file__).parents[1] / "reference" / "reference.npz")
@@ -196,3 +197,161 @@ def test_equilibria_of_a_batch_are_those_of_its_fields():
     simulation.reset(field=fields)
     for rod, field in enumerate(fields):
         np.testing.assert_array_equal(simulation.positions[rod], simulation.equilibrium(field).positions)
+
+
+# ---- other branches
+
+TWISTED = weightless(ROD, moment=MOMENT, direction=(0.0, 1.0, 0.0))
+RATIO = 1.5  # m B L/GJ
+
+
+def turned_field(degrees):
+    """Field across the rod, from the magnet's direction without load, y, towards z."""
+    angle = np.radians(degrees)
+    strength = RATIO * ROD.torsional_stiffness / (MOMENT * ROD.length)
+    return strength * np.array([0.0, np.cos(angle), np.sin(angle)])
+
+
+def twist_of(case):
+    y = case.rotations[-1][:, 1]
+    return np.arctan2(y[2], y[1])
+
+
+def turn_round(simulation, sign):
+    """Equilibria along a field that turns by 1 degree at a time until stability is lost; the last is the lost one."""
+    cases = [simulation.equilibrium(turned_field(0.0))]
+    for degrees in range(1, 360):
+        cases.append(simulation.equilibrium(turned_field(sign * degrees), start=cases[-1]))
+        if not cases[-1].reached:
+            break
+    return cases
+
+
+def test_a_field_turned_against_a_dipole_across_the_rod_holds_it_in_two_states():
+    """phi = (m B L/GJ) sin(alpha - phi): at alpha = 180 degrees phi = 1.5 sin(phi) has a root on either side.
+
+    The branch ends where 1 + (m B L/GJ) cos(alpha - phi) = 0. Bending is stiffer than twist: it stays straight.
+    """
+    simulation = wire(3, TWISTED)
+    end = np.degrees(np.pi - np.arccos(1.0 / RATIO) + np.sqrt(RATIO**2 - 1.0))  # 195.9
+    exact = brentq(lambda p: p - RATIO * np.sin(p), 0.5, 3.0, xtol=1e-15)
+    for sign in (1, -1):
+        cases = turn_round(simulation, sign)
+        assert twist_of(cases[180]) == pytest.approx(sign * exact, abs=1e-9)
+        assert len(cases) - 2 == int(end)  # the last that is reached, in degrees
+        assert not cases[-1].reached and 1.0 < cases[-1].share < 2.0
+        for k, bracket in ((60, (0.0, 1.1)), (195, (np.sqrt(RATIO**2 - 1.0), 1.6))):
+            phi = brentq(lambda p, k=k: p - RATIO * np.sin(np.radians(k) - p), *bracket, xtol=1e-15)
+            assert twist_of(cases[k]) == pytest.approx(sign * phi, abs=1e-7)  # flat near the end of the branch
+
+
+def test_where_a_branch_has_ended_the_lost_shape_relaxes_to_another():
+    simulation = wire(3, TWISTED)
+    lost = turn_round(simulation, 1)[-1]
+    case = simulation.equilibrium(lost.field, start=(lost.positions, lost.quaternions))
+    exact = brentq(lambda p: p - RATIO * np.sin(np.radians(196.0 - 360.0) - p), -np.pi, 0.0, xtol=1e-15)
+    assert case.reached and case.share == 2.0
+    assert twist_of(case) == pytest.approx(exact, abs=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_shape_relaxes_to_the_branch_on_its_side(sign):
+    simulation = wire(3, TWISTED)
+    shape = simulation.equilibrium(turned_field(sign * 90.0))
+    exact = brentq(lambda p: p - RATIO * np.sin(p), 0.5, 3.0, xtol=1e-15)
+    for rotations in (shape.rotations, shape.quaternions, -shape.quaternions):
+        case = simulation.equilibrium(turned_field(180.0), start=(shape.positions, rotations))
+        assert case.reached
+        assert twist_of(case) == pytest.approx(sign * exact, abs=1e-9)
+
+
+def test_a_shape_that_balances_is_not_called_stable():
+    """Untwisted in a field against the magnet, no side is better than the other."""
+    simulation = wire(3, TWISTED)
+    straight = simulation.equilibrium()
+    case = simulation.equilibrium(turned_field(180.0), start=(straight.positions, straight.rotations))
+    assert not case.reached and case.share == 1.0
+    assert not simulation.equilibrium(turned_field(180.0), start=straight).reached
+
+
+def test_a_branch_is_the_same_by_any_stable_road():
+    """Gravity, a field and a gradient: from zero, round a detour, and relaxed from the straight rod."""
+    simulation = wire(4, load_scene("paper4_pdms_tip_magnet"))
+    field, slope = (1e-3, 4e-3, 6e-3), 0.1 * np.array([[0.2, 0.1, -0.3], [0.1, -0.5, 0.05], [-0.3, 0.05, 0.3]])
+    direct = simulation.equilibrium(field, slope)
+    detour = simulation.equilibrium((0.0, -5e-3, 3e-3))
+    assert detour.reached
+    for start in (detour, simulation.equilibrium(), simulation.equilibrium(gradient=-slope)):
+        case = simulation.equilibrium(field, slope, start=start)
+        assert case.reached and case.share == 2.0
+        np.testing.assert_allclose(case.positions, direct.positions, atol=1e-9 * ROD.length)
+        np.testing.assert_array_equal(case.field, field)
+        np.testing.assert_array_equal(case.gradient, slope)
+    straight = Simulation(simulation.scene, num_elements=4)
+    relaxed = simulation.equilibrium(field, slope, start=(straight.positions[0], straight.rotations[0]))
+    np.testing.assert_allclose(relaxed.positions, direct.positions, atol=1e-9 * ROD.length)
+
+
+def test_a_start_that_is_no_equilibrium_of_the_simulation_is_refused():
+    simulation = wire(4, load_scene("paper4_pdms_tip_magnet"))
+    stiffer = wire(4, load_scene("paper4_pdms_tip_magnet", modulus=1e6))
+    with pytest.raises(ValueError, match="start must be an equilibrium of this simulation"):
+        simulation.equilibrium((0.0, 0.0, 1e-3), start=stiffer.equilibrium())
+    with pytest.raises(ValueError, match="start must be an equilibrium of this simulation"):
+        simulation.equilibrium((0.0, 0.0, 1e-3), start=wire(5, simulation.scene).equilibrium())
+    with pytest.raises(ValueError, match="start must be an equilibrium that was reached"):
+        wire(3, TWISTED).equilibrium(start=wire(3, TWISTED).equilibrium(turned_field(180.0)))
+    with pytest.raises(ValueError, match="start must be a pair of positions and rotations"):
+        simulation.equilibrium(start="straight")
+
+
+def test_rotations_of_an_equilibrium_are_those_of_its_quaternions():
+    case = wire(4, load_scene("paper4_pdms_tip_magnet")).equilibrium((2e-3, 5e-3, 4e-3))
+    assert isinstance(case, Equilibrium)
+    turns = Rotation.from_quat(np.roll(case.quaternions, -1, axis=-1)).as_matrix()
+    np.testing.assert_allclose(case.rotations, turns, atol=1e-14)
+    np.testing.assert_array_equal(case.tangents, case.rotations[:, :, 0])
+
+
+# ---- frequencies of what is not there
+
+
+@pytest.mark.parametrize(("plane", "entries"), [(None, 24), ("xz", 12)])
+@pytest.mark.parametrize("share", [1.1, 2.5])
+def test_frequencies_of_an_equilibrium_that_does_not_exist_are_nan(share, plane, entries):
+    """A rod that stands longer than L^3 = 7.8373 EI/(rho A g) falls over under its own weight."""
+    critical = (7.8373 * 1.48e6 * 4e-3**2 / (16.0 * 1100.0 * 9.81)) ** (1.0 / 3.0)
+
+    def standing(length):
+        rod = Rod.circular(length=length, diameter=4e-3, density=1100.0, youngs_modulus=1.48e6, poissons_ratio=0.5)
+        return Simulation(Scene(rod=rod, gravity=(-9.81, 0.0, 0.0)), num_elements=4, plane=plane)
+
+    assert np.isfinite(standing(0.9 * critical).natural_frequencies((0.0, 0.0, 0.0))).all()
+    for found in (
+        standing(share * critical).natural_frequencies((0.0, 0.0, 0.0)),
+        standing(share * critical).natural_frequencies(gradient=np.zeros((3, 3))),
+    ):
+        assert found.shape == (entries,)
+        assert np.isnan(found).all()
+
+
+def test_frequencies_in_a_gradient_are_those_of_the_motion():
+    """Let go beside its equilibrium, nearly in the first mode: the time between zeros of the tip's distance."""
+    scene = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=0.0)
+    simulation = wire(2, scene)
+    field, slope = (8e-3, 0.0, 0.0), 1.0 * np.diag([1.0, -0.5, -0.5])
+    frequency = simulation.natural_frequencies(field, slope)[0]
+    assert frequency > 1.2 * simulation.natural_frequencies(field)[0]
+    simulation.reset(field=field, gradient=slope)
+    rest = simulation.tip_position[0]
+    aside = scene.replace(gravity=np.add(scene.gravity, (0.0, 1e-3, 0.0)))
+    simulation.reset(shape=wire(2, aside).equilibrium(field, slope))
+    simulation.advance(0.0, field=field, gradient=slope)
+    step, seen = 0.005 / frequency, []
+    for _ in range(1000):
+        simulation.advance(step)
+        seen.append(simulation.tip_position[0, 1] - rest[1])
+    seen = np.array(seen)
+    up = np.flatnonzero((seen[:-1] < 0) & (seen[1:] >= 0))
+    crossings = up + seen[up] / (seen[up] - seen[up + 1])
+    np.testing.assert_allclose(1.0 / (np.diff(crossings).mean() * step), frequency, rtol=5e-3)  # other modes ring too
