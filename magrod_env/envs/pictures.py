@@ -40,8 +40,9 @@ class Painter:
         self._trace = []
 
     def follow(self, out: Any) -> None:
-        """Add the tip to the trace."""
-        self._trace = [*self._trace[-TRACE + 1 :], out.positions[0, 0].copy()]
+        """Add the tip to the trace, unless the rod is lost."""
+        if self.core.batch.status[0] == 0:
+            self._trace = [*self._trace[-TRACE + 1 :], out.positions[0, 0].copy()]
 
     def paint(self, i: int, out: Any) -> np.ndarray:
         """Frame of environment ``i``."""
