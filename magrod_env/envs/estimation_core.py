@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from gymnasium.error import ResetNeeded
 
-from magrod_env.envs.arguments import flag, told, whole
+from magrod_env.envs.arguments import flag, reals, told, whole
 from magrod_env.envs.nominal_coils import NominalCoils
 from magrod_env.envs.observing import observe_estimate
 from magrod_env.estimation import EnsembleFilter, GaussianCameras, Measurement, Unknown
@@ -56,6 +56,10 @@ class Estimation:
         if isinstance(self.cameras, type) or not hasattr(self.cameras, "measure"):
             raise ValueError(
                 f"cameras must have measure, but got {told(cameras)}: give StereoCameras() or GaussianCameras()."
+            )
+        if not isinstance(markers, str) and reals(markers) is None:
+            raise ValueError(
+                f'markers must be "tip", "magnets" or arc lengths, but got {told(markers)}: give arc lengths in metres.'
             )
         self.nodes = marker_nodes(
             arc_lengths(core.values.ends, core.batch.counts), marker_arc_lengths(core.scene, markers)
