@@ -29,7 +29,7 @@ class Painter:
                 magnet_radii=tuple(0.5 * (magnet.diameter or 0.5 * scene.rod.width) for magnet in magnets),
                 magnet_directions=tuple(magnet.direction for magnet in magnets),
                 field_limit=max(core.coils.limit),
-                gravity=scene.gravity,
+                gravity=scene.gravity if scene.gravity is not None and any(scene.gravity) else None,
                 plane="spatial" if core.plane is None else core.plane,
             )
         )

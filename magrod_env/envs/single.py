@@ -63,8 +63,8 @@ class MagRodEnv(gymnasium.Env):
     (`random_start=False`: its first point); for reaching, in zero field.
 
     ## Episode End
-    Terminates when the rod leaves the range in which its numbers mean anything (`info["diverged"]`); truncated by the
-    time limit of the id.
+    Terminates when the rod leaves the range in which its numbers mean anything (`info["diverged"]`; it then counts as
+    lying at the clamp, and info stays finite); truncated by the time limit of the id.
 
     ## Arguments
     | argument | default | meaning |
@@ -79,11 +79,11 @@ num_elements is given |
     | plane | None (planar: "xz") | motion in space or in a plane |
     | axes | "yz" or "xz" | axes with coils, up to "xyz" |
     | actuator | Actuator() | limit (45 mT; two magnets: 25 mT), slew limit, lag, dead time of the coils |
-    | control_rate | 50 | Hz |
+    | control_rate | 50 | Hz, 1 to 10,000 |
     | camera | Camera() | noise, rate, delay |
     | observe | "camera" | or "state"; or "estimate": in the camera's place, see `EstimateState` |
     | randomization | None | a `Randomization` |
-    | success_distance | 1e-3 | m, for `info["is_success"]` |
+    | success_distance | 1e-3 | m, for `info["is_success"]`; at most half of the rod's length |
     | num_threads | one a core | threads that share a batch |
     | radius, period, center_field, random_start | 16 mm, 2 s, (0, 0, 7.75 mT), True | "circle" |
     | path, size, period, ... | "figure_eight", 12 mm, 4 s | "path": a shape's name or points (M, 2) or (M, 3) m |
@@ -98,6 +98,7 @@ num_elements is given |
 
     Raises:
         ValueError: on an unknown or bad argument, or an action that is not finite or of the wrong shape.
+        ResetNeeded: on a step or a frame before the first reset.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 50}

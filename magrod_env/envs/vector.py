@@ -59,6 +59,7 @@ class MagRodVectorEnv(VectorEnv):
 
     Raises:
         ValueError: on an unknown or bad argument, or an action that is not finite or of the wrong shape.
+        ResetNeeded: on a step or a frame before the first reset, or a step of an ended episode without autoreset.
     """
 
     def __init__(
