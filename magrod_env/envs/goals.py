@@ -11,17 +11,17 @@ from magrod_env.envs.arguments import reals, told
 
 
 def goal_space(core: Any, observation: spaces.Box) -> spaces.Dict:
-    """Observation as without goals; achieved and desired positions in metres."""
-    positions = spaces.Box(-1.0, 1.0, (3 * len(core.nodes),), np.float64)
+    """Observation as without goals; achieved and desired positions in metres, where a rod that is not lost may be."""
+    bound = max(1.0, 1.5 * core.scene.rod.length)  # the watchdog loses a rod that is stretched by half
+    positions = spaces.Box(-bound, bound, (3 * len(core.nodes),), np.float64)
     return spaces.Dict({"observation": observation, "achieved_goal": positions, "desired_goal": positions})
 
 
 def goal_observation(out: Any) -> dict[str, np.ndarray]:
     """Observations of all environments."""
-    achieved = out.positions.reshape(len(out.positions), -1)
     return {
         "observation": out.observations.copy(),
-        "achieved_goal": np.clip(achieved, -1.0, 1.0),
+        "achieved_goal": out.positions.reshape(len(out.positions), -1).copy(),
         "desired_goal": out.goals.reshape(len(out.goals), -1).copy(),
     }
 
@@ -34,7 +34,7 @@ def distance_reward(achieved: np.ndarray, desired: np.ndarray, success_distance:
     first, second = (goal.reshape(*goal.shape[:-1], goal.shape[-1] // 3, 3) for goal in (achieved, desired))
     with np.errstate(invalid="ignore", over="ignore"):
         distance = np.linalg.norm(first - second, axis=-1).mean(axis=-1)
-    return np.where(distance <= success_distance, 0.0, -1.0)
+    return np.where(distance <= success_distance, 0.0, -1.0)[()]  # a number for a pair of goals
 
 
 def reward_of_goals(achieved: Any, desired: Any, size: int, success_distance: float) -> np.ndarray:

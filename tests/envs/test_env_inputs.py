@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from magrod_env import load_scene
+from magrod_env import Magnet, Rod, Scene, load_scene
 from magrod_env.envs import Camera, MagRodEnv, MagRodVectorEnv, Randomization
 from magrod_env.magnetics import Actuator
 from magrod_env.registration import IDS
@@ -368,6 +368,27 @@ def test_goals_of_a_wrong_kind_or_shape_are_refused(goal):
         with pytest.raises(ValueError) as error:
             env.compute_reward(*goals, {})
         check_sentence(error, name, "3")
+
+
+def test_goals_give_a_number_each_in_the_shape_that_they_come_in():
+    env = MagRodEnv("reach", goal=True, num_elements=3)
+    for shape in ((), (1,), (5,), (0,), (2, 4)):
+        reward = env.compute_reward(np.zeros((*shape, 3)), np.full((*shape, 3), 1e-4), {})
+        assert reward.shape == shape and reward.dtype == np.float64 and not reward.any()
+    assert isinstance(env.compute_reward([0, 0, 0], [0.0, 0.0, 1.0], {}), float)
+    assert env.compute_reward(np.zeros((4, 3)), np.zeros(3), [{}] * 4).tolist() == [0.0] * 4
+
+
+def test_goals_of_a_rod_of_three_metres_are_where_the_rod_is():
+    """The goals' space reaches as far as the rod."""
+    rod = Rod.circular(length=3.0, diameter=4e-2, density=1100.0, youngs_modulus=2e7, poissons_ratio=0.5)
+    magnet = Magnet.dipole(position=3.0, moment=100.0)
+    scene = Scene(rod=rod, magnets=(magnet,), gravity=(0.0, 0.0, -9.81), drag_rate=5.0, spin_drag_rate=100.0)
+    env = MagRodEnv("reach", goal=True, scene=scene, num_elements=3)
+    observation, info = env.reset(seed=0)
+    assert observation in env.observation_space
+    np.testing.assert_array_equal(observation["achieved_goal"], info["tip_position"])
+    assert np.linalg.norm(info["tip_position"]) > 2.0
 
 
 def test_goals_of_shapes_that_do_not_fit_are_refused():
