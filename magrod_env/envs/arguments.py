@@ -86,7 +86,7 @@ def _path(value: Any) -> str | tuple[tuple[float, ...], ...]:
     if array is None or array.ndim != 2 or array.shape[0] < 2 or array.shape[1] not in (2, 3):
         came = told(value) if array is None else f"shape {array.shape}"
         raise ValueError(f"path must be finite points of shape (M, 2) or (M, 3), but got {came}: give M >= 2 of them.")
-    if not (np.abs(array) <= FARTHEST).all():
+    if not (np.isfinite(array).all() and (np.abs(array[:, -2:]) <= FARTHEST).all()):  # y and z count
         raise ValueError(
             f"path must be finite points within {FARTHEST:g} m, but got {told(array.tolist())}: give them in metres."
         )
@@ -153,7 +153,7 @@ def actuator_limit(actuator: Actuator) -> float:
         raise ValueError("limit of the actuator must be a number for an environment, but got None: give it in tesla.")
     for name, most, unit in (
         ("limit", STRONGEST, "tesla"),
-        ("slew_limit", 1e6, "T/s"),
+        ("slew_limit", 1e12, "T/s"),
         ("lag", 1e3, "seconds"),
         ("dead_time", LATEST, "seconds"),
     ):
