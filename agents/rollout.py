@@ -9,7 +9,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.vector import AutoresetMode
 from tqdm import tqdm
 
 import magrod_env  # noqa: F401  (registers the ids)
@@ -74,7 +73,7 @@ def evaluate(
 ) -> Result:
     """One episode on each of `num_episodes` environments, seeded seed, seed + 1, ...; errors until an episode ends."""
     steps = gymnasium.spec(env_id).max_episode_steps or 300
-    envs = gymnasium.make_vec(env_id, num_envs=num_episodes, autoreset_mode=AutoresetMode.DISABLED, **settings)
+    envs = gymnasium.make_vec(env_id, num_envs=num_episodes, **settings)
     observations, _ = envs.reset(seed=seed)
     controller(observations, envs)  # compiles, loads
     errors, efforts, failed = [], [], np.zeros(num_episodes, bool)

@@ -831,6 +831,11 @@ def resolution_for(
 def _lost(case: Equilibrium, scene: Scene) -> str:
     """What is to be said where stability is lost on the way to an equilibrium."""
     lost = "the rod loses stability (it buckles or snaps through)"
+    if case.strained:
+        return (
+            "an equilibrium must not strain any element by more than half nor bend it by a half turn, but under "
+            f"gravity and {case.field.tolist()} T it does: use more elements, or a stiffer rod or weaker loads."
+        )
     if case.share < 1.0:
         return (
             f"gravity must not buckle a rod that is to start in equilibrium, but at {100 * case.share:.3g} % of "

@@ -23,7 +23,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import tyro
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import VectorEnv
 from tqdm import tqdm
 
 import magrod_env  # noqa: F401  (registers the ids)
@@ -174,10 +174,10 @@ def stepper(env: Any) -> Callable[[], None]:
 
 
 def make(name: str, size: int, **settings: Any) -> Any:
-    """A single environment, or a batch that is never reset by itself."""
+    """A single environment, or a batch whose episodes have no end."""
     if size == 1:
         return gymnasium.make(name, **settings)
-    return gymnasium.make_vec(name, num_envs=size, autoreset_mode=AutoresetMode.DISABLED, **settings)
+    return gymnasium.make_vec(name, num_envs=size, max_episode_steps=-1, **settings)
 
 
 def environments(report: Report, quick: bool) -> None:

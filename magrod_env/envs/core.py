@@ -27,6 +27,7 @@ from magrod_env.values import check_plane, rod_values, scene_terms
 
 REWARD_TERMS = ("tracking", "precision", "effort", "smoothness")
 OBSERVE = ("camera", "state", "estimate")
+MOST_STEPS = 1_000_000  # of the physics in a control step: some seconds of wall time
 PREVIEW = (0.04, 0.1, 0.2)  # s ahead
 
 
@@ -46,7 +47,7 @@ class SteeringCore:
         resolution: Resolution,
         precision: str,
         plane: str | None,
-        axes: str,
+        coils: UniformCoils,
         actuator: Actuator,
         control_rate: float,
         camera: Camera,
@@ -55,22 +56,13 @@ class SteeringCore:
         num_threads: int | None,
     ) -> None:
         check_plane(scene, plane)
-        if observe not in OBSERVE:
-            raise ValueError(f"observe must be one of {', '.join(OBSERVE)}, but got {observe!r}: choose one of them.")
-        if precision not in ("float64", "float32"):
-            raise ValueError(f"precision must be float64 or float32, but got {precision!r}: choose one of them.")
-        if actuator.limit is None:
-            raise ValueError(
-                "limit of the actuator must be a number for an environment, but got None: give it in tesla."
-            )
+        if plane is not None and set(coils.axes) - set(plane):
+            raise ValueError(f"axes must lie in the plane {plane!r}, but got {coils.axes!r}: choose axes of the plane.")
         self.scene, self.task, self.workspace, self.num_envs = scene, task, workspace, num_envs
         self.num_elements, self.resolution = resolution.num_elements, resolution
         self.plane, self.precision, self.observe = plane, precision, observe
-        self.actuator, self.camera, self.randomization = actuator, camera, randomization
-        self.coils = UniformCoils(limit=actuator.limit, axes=axes)
-        if plane is not None and set(axes) - set(plane):
-            raise ValueError(f"axes must lie in the plane {plane!r}, but got {axes!r}: choose axes of the plane.")
-        self.control_rate = _checks.number("control_rate", control_rate, above=0.0, advice="give it in hertz")
+        self.coils, self.actuator, self.camera, self.randomization = coils, actuator, camera, randomization
+        self.control_rate = control_rate
         self.control_time = 1.0 / self.control_rate
         self.values, segments = rod_values(scene, resolution.axial_softening, resolution.rotary_scaling)
         self.batch = RodBatch(
@@ -139,6 +131,11 @@ class SteeringCore:
                     f"time_step must be at most {bound:.3g} s, the stability bound in the coils' strongest field, "
                     f"but got {step:.3g} s: lower it, or num_elements, or leave it None."
                 )
+        if not self.control_time <= MOST_STEPS * step:
+            raise ValueError(
+                f"time_step must be at least {self.control_time / MOST_STEPS:.3g} s, a {MOST_STEPS:,}th of a control "
+                f"step, but is {step:.3g} s: raise it, or control_rate, or choose a rod that allows longer steps."
+            )
         self.num_steps = math.ceil(self.control_time / step - 1e-9)
         self.time_step = self.control_time / self.num_steps
 

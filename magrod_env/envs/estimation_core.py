@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from gymnasium.error import ResetNeeded
 
+from magrod_env.envs.arguments import flag, reals, told, whole
 from magrod_env.envs.nominal_coils import NominalCoils
 from magrod_env.envs.observing import observe_estimate
 from magrod_env.estimation import EnsembleFilter, GaussianCameras, Measurement, Unknown
 from magrod_env.estimation.measurement import marker_arc_lengths, marker_nodes
-from magrod_env.magnetics import _checks
 from magrod_env.rod.mesh import arc_lengths
 from magrod_env.rod.state import BatchState
 from magrod_env.simulation import SimulationDiverged, StabilityError
 
-MEMBERS = 32
+MEMBERS, MOST_MEMBERS = 32, 10_000
 UNKNOWNS = {  # loads of 2 m/s^2 rather than the filter's 0.5: fields may jump at every control step
     "modulus": Unknown(deviation=0.2, memory=50.0),
     "acceleration": Unknown(deviation=2.0, memory=2.0),
@@ -51,10 +51,16 @@ class Estimation:
                 'observe of an environment whose state is estimated must be "camera" or "estimate", but got "state": '
                 "estimators tell no rotations."
             )
-        self.core, self.timed = core, bool(timed)
+        self.core, self.timed = core, flag("timed", timed)
         self.cameras = GaussianCameras(noise=core.camera.noise or 5e-5) if cameras is None else cameras
-        if not hasattr(self.cameras, "measure"):
-            raise ValueError(f"cameras must have measure, but got {cameras!r}: give StereoCameras or GaussianCameras.")
+        if isinstance(self.cameras, type) or not hasattr(self.cameras, "measure"):
+            raise ValueError(
+                f"cameras must have measure, but got {told(cameras)}: give StereoCameras() or GaussianCameras()."
+            )
+        if not isinstance(markers, str) and reals(markers) is None:
+            raise ValueError(
+                f'markers must be "tip", "magnets" or arc lengths, but got {told(markers)}: give arc lengths in metres.'
+            )
         self.nodes = marker_nodes(
             arc_lengths(core.values.ends, core.batch.counts), marker_arc_lengths(core.scene, markers)
         )
@@ -75,7 +81,9 @@ class Estimation:
     def _build(self, estimator: Callable[..., Any] | None, members: int | None, markers: Any) -> Any:
         core = self.core
         if estimator is not None and members is not None:
-            raise ValueError(f"members must be None with an estimator of your own, but got {members!r}: build it in.")
+            raise ValueError(
+                f"members must be None with an estimator of your own, but got {told(members)}: build it in."
+            )
         settings: dict[str, Any] = {
             "num_rods": core.num_envs,
             "num_elements": core.num_elements,
@@ -87,10 +95,11 @@ class Estimation:
         }
         if estimator is None:
             late = core.optics.delay * core.control_time
-            count = MEMBERS if members is None else _checks.count("members", members, advice="32 is a good start")
+            advice = "32 is a good start"
+            count = MEMBERS if members is None else whole("members", members, at_most=MOST_MEMBERS, advice=advice)
             return EnsembleFilter(
                 core.scene,
-                num_members=int(count),
+                num_members=count,
                 parameters=UNKNOWNS,
                 history=late + core.control_time if late > 0.0 else 0.0,
                 on_failure="report",
@@ -100,10 +109,15 @@ class Estimation:
             )
         if not callable(estimator):
             raise ValueError(
-                f"estimator must build one when called, but got {estimator!r}: give a class such as EnsembleFilter, "
-                "or functools.partial of it with options."
+                f"estimator must build one when called, but got {told(estimator)}: give a class such as "
+                "EnsembleFilter, or functools.partial of it with options."
             )
-        built = estimator(core.scene, **settings)
+        try:
+            built = estimator(core.scene, **settings)
+        except TypeError as error:
+            raise ValueError(
+                f"estimator must take a scene and {', '.join(settings)}, but {told(estimator)} did not: {error}."
+            ) from error
         lacking = [name for name in CONTRACT if not hasattr(built, name)]
         if lacking:
             raise ValueError(
@@ -220,4 +234,9 @@ class Estimation:
         self._before[begun] = now[begun]
         observe_estimate(core.batch.rows, core.view, planar, self._seen, now, self._before, which, out)
         self._before[which] = now[which]
-        self._errors[which] = np.linalg.norm((nodes - self._truth.positions)[which, -1], axis=-1)
+        self._errors[which] = self._tip_errors(nodes[:, -1])[which]
+
+    def _tip_errors(self, tips: np.ndarray) -> np.ndarray:
+        """Distances, m, of estimated tips (num_envs, 3) from the true ones; what is lost lies at the clamp."""
+        true = np.where(self.core.batch.status[:, None] == 0, self._truth.positions[:, -1], 0.0)
+        return np.linalg.norm(np.where(np.isfinite(tips), tips, 0.0) - true, axis=-1)

@@ -249,7 +249,7 @@ def observe_blocks(blocks, first, last, terms, view, full, episodes, actions, st
     rows, ahead = blocks.reshape(len(blocks), -1, width), np.empty((tracked, 3))
     for i in range(first * width, min(last * width, len(out.rewards))):
         episodes.steps[i] += 1
-        write_outcome(rows, view, terms.planar, full, episodes, i, out, ahead, False)
+        write_outcome(rows, view, terms.planar, full, episodes, i, out, ahead, False, status[i] != 0)
         distance = 0.0
         for p in range(tracked):
             distance += out.errors[i, p] / tracked
@@ -265,7 +265,7 @@ def observe_some(rows, view, planar, full, episodes, which, out):
     for i in which:
         out.rewards[i] = 0.0
         out.terms[i] = 0.0
-        write_outcome(rows, view, planar, full, episodes, i, out, ahead, True)
+        write_outcome(rows, view, planar, full, episodes, i, out, ahead, True, False)
         for a in range(len(view.scales.limits)):
             episodes.action[i, a] = coil_fraction(out.fields[i], episodes, view.scales, i, a)
 
@@ -290,11 +290,13 @@ def observe_estimate(rows, view, planar, episodes, positions, before, which, out
 
 
 @inline_jit
-def write_outcome(rows, view, planar, full, episodes, i, out, ahead, first):
-    """Everything but the reward of environment ``i``."""
+def write_outcome(rows, view, planar, full, episodes, i, out, ahead, first, lost):
+    """Everything but the reward of environment ``i``; a ``lost`` rod is nowhere, and counts as lying at the clamp."""
     width = rows.shape[2]
     for p in range(len(view.nodes)):
         node_position(rows, view, planar, view.nodes[p], i, out.positions[i, p])
+        if lost:
+            out.positions[i, p] = 0.0
     target_at(view.targets, episodes.place[i], view.control_time * episodes.steps[i], out.goals[i])
     for p in range(len(view.nodes)):
         square = 0.0

@@ -9,16 +9,18 @@ from typing import Any
 import numpy as np
 
 from magrod_env.envs import tasks
-from magrod_env.envs.core import SteeringCore
+from magrod_env.envs.arguments import actuator_limit, checked_settings, choice, told
+from magrod_env.envs.core import OBSERVE, SteeringCore
 from magrod_env.envs.settings import Camera, Randomization
 from magrod_env.envs.tasks import Task
 from magrod_env.envs.workspace import Workspace
-from magrod_env.magnetics import Actuator, UniformCoils, _checks
+from magrod_env.magnetics import Actuator, UniformCoils
 from magrod_env.resolution import Resolution, checked_resolution
+from magrod_env.rod.batch import LANES
 from magrod_env.rod.threads import checked_num_threads
 from magrod_env.scene import Scene
 from magrod_env.scenes import load_scene
-from magrod_env.simulation import resolution_for
+from magrod_env.simulation import StabilityError, resolution_for
 from magrod_env.values import check_plane
 
 DRAG_RATE = 5.0  # 1/s: the paper's rods come to rest within a second
@@ -52,6 +54,18 @@ _ROUND_ROD = Resolution(num_elements=4, rotary_scaling=8.0)
 
 
 _RESOLUTION = ("num_elements", "time_step", "axial_softening", "rotary_scaling", "tolerance")
+_NAMES: dict[str, tuple[str | None, ...]] = {
+    "plane": ("xy", "xz", None),
+    "observe": OBSERVE,
+    "precision": tuple(LANES),
+}
+_SETS_FIELDS = {  # the argument that decides which fields hold the rod
+    "circle": "center_field",
+    "path": "center_field",
+    "reach": "reach_limit",
+    "two_magnet": "amplitude",
+    "planar_reach": "reach_limit",
+}
 
 
 def default_scene(task: str) -> Scene:
@@ -80,18 +94,30 @@ def _make_task(
     elif task == "path":
         made = tasks.named_path(workspace, chosen.pop("path"), **chosen)
     elif task == "two_magnet":
-        amplitude = _checks.number("amplitude", chosen.pop("amplitude"), above=0.0, advice="give it in tesla")
-        made = tasks.follow_fields(workspace, tasks.two_magnet_fields(amplitude), **chosen)
+        made = tasks.follow_fields(workspace, tasks.two_magnet_fields(chosen.pop("amplitude")), **chosen)
     else:
-        limit = _checks.number("reach_limit", chosen["reach_limit"], above=0.0, advice="give it in tesla")
-        made = tasks.reach_points(workspace, axes="xz" if task == "planar_reach" else "yz", limit=limit)
+        axes = "xz" if task == "planar_reach" else "yz"
+        made = tasks.reach_points(workspace, axes=axes, limit=chosen["reach_limit"])
     return workspace, made
 
 
-def _hashable(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    return tuple(_hashable(entry) for entry in value) if isinstance(value, (list, tuple)) else value
+def _stable_task(
+    task: str, scene: Scene, num_elements: int, axial_softening: float, axes: str, special: tuple[tuple[str, Any], ...]
+) -> tuple[Workspace, Task]:
+    """`_make_task`; where the rod loses stability, the error names what takes it there."""
+    try:
+        return _make_task(task, scene, num_elements, axial_softening, axes, special)
+    except StabilityError as error:
+        if not Workspace(scene, num_elements, axial_softening).model.equilibrium(np.zeros(3)).reached:
+            raise ValueError(
+                "scene must have a rod that bears its own weight, but it buckles before the field is on: take a "
+                "stiffer or shorter rod, less gravity or less axial_softening."
+            ) from error
+        name = _SETS_FIELDS[task]
+        raise ValueError(
+            f"{name} must ask for fields in which the rod is stable, but got {told(dict(special)[name])}, and it loses "
+            "stability on the way: choose a smaller one, or a stiffer rod."
+        ) from error
 
 
 def make_core(task: str, num_envs: int, settings: dict[str, Any]) -> SteeringCore:
@@ -100,8 +126,7 @@ def make_core(task: str, num_envs: int, settings: dict[str, Any]) -> SteeringCor
     Raises:
         ValueError: on an unknown task or setting, or a value that a part refuses.
     """
-    if task not in _TASKS:
-        raise ValueError(f"task must be one of {', '.join(_TASKS)}, but got {task!r}: choose one of them.")
+    choice("task", task, tuple(_TASKS))
     common = {
         "scene": None,
         "precision": "float64",
@@ -121,6 +146,7 @@ def make_core(task: str, num_envs: int, settings: dict[str, Any]) -> SteeringCor
             f"arguments of this environment must be among {', '.join(sorted(known))}, "
             f"but got {', '.join(map(repr, sorted(unknown)))}: check the spelling."
         )
+    settings = checked_settings(settings)
     chosen: dict[str, Any] = {name: settings.get(name, value) for name, value in common.items()}
     scene = chosen.pop("scene")
     if scene is None:
@@ -128,22 +154,27 @@ def make_core(task: str, num_envs: int, settings: dict[str, Any]) -> SteeringCor
     elif isinstance(scene, str):
         scene = load_scene(scene)
     _check_parts(scene, chosen)
+    limit = actuator_limit(chosen["actuator"])
+    for name, names in _NAMES.items():
+        choice(name, chosen[name], names)
     if not scene.magnets:
         raise ValueError("scene of an environment must have a magnet, but got none: no field would move the rod.")
     chosen["num_threads"] = checked_num_threads(chosen["num_threads"])
-    if "center_field" in settings:
-        center = _checks.vector("center_field", settings["center_field"], advice="give a world vector in tesla")
-        settings = settings | {"center_field": center}
-    special = tuple((name, _hashable(settings.get(name, value))) for name, value in sorted(_TASKS[task].items()))
-    UniformCoils(axes=chosen["axes"])  # refuses axes that are none
+    special = tuple((name, settings.get(name, value)) for name, value in sorted(_TASKS[task].items()))
+    coils = UniformCoils(limit=limit, axes=chosen["axes"])
     check_plane(scene, chosen["plane"])
     resolution = _choose_resolution(task, scene, chosen, special, settings)
-    workspace, made = _make_task(
-        task, scene, resolution.num_elements, resolution.axial_softening, chosen["axes"], special
-    )
-    chosen["randomization"] = chosen["randomization"] or Randomization()
-    _check_reach(task, made, chosen, settings.get("reach_limit", _TASKS[task].get("reach_limit")))
-    return SteeringCore(scene, made, workspace, num_envs=num_envs, resolution=resolution, **chosen)
+    axes = chosen.pop("axes")
+    workspace, made = _stable_task(task, scene, resolution.num_elements, resolution.axial_softening, axes, special)
+    if chosen["randomization"] is None:
+        chosen["randomization"] = Randomization()
+    if chosen["randomization"].initial_field > limit:
+        raise ValueError(
+            f"initial_field of the randomization must be at most {limit:.3g} T, the limit of the actuator, but got "
+            f"{chosen['randomization'].initial_field:.3g} T: the coils make no more."
+        )
+    _check_reach(task, made, coils, chosen["plane"], dict(special).get("reach_limit"))
+    return SteeringCore(scene, made, workspace, num_envs=num_envs, resolution=resolution, coils=coils, **chosen)
 
 
 def _choose_resolution(
@@ -155,7 +186,7 @@ def _choose_resolution(
     given = {name: settings.get(name) for name in _RESOLUTION}
     said = checked_resolution(**given)
     if given["tolerance"] is not None:
-        _, made = _make_task(task, scene, max(5, len(scene.segment_ends)), 1.0, chosen["axes"], special)
+        _, made = _stable_task(task, scene, max(5, len(scene.segment_ends)), 1.0, chosen["axes"], special)
         limit = dict(special).get("reach_limit")
         strongest = float(np.linalg.norm(needed_fields(task, made, limit), axis=1).max())
         return resolution_for(scene, float(given["tolerance"]), chosen["plane"], strongest, hanging=True)
@@ -173,19 +204,18 @@ def needed_fields(task: str, made: Task, reach_limit: float | None) -> np.ndarra
     return (reach_limit or 0.0) * np.array([[1.0, 0.0, 1.0] if task == "planar_reach" else [0.0, 1.0, 1.0]])
 
 
-def _check_reach(task: str, made: Task, chosen: dict[str, Any], reach_limit: float | None) -> None:
+def _check_reach(task: str, made: Task, coils: UniformCoils, plane: str | None, reach_limit: float | None) -> None:
     """Refuse targets that no field of the coils can hold."""
-    fields = needed_fields(task, made, reach_limit)
-    largest, axes = np.abs(fields).max(axis=0), chosen["axes"]
+    largest = np.abs(needed_fields(task, made, reach_limit)).max(axis=0)
+    axes, limit = coils.axes, max(np.atleast_1d(coils.limit))
     needed = [letter for letter, field in zip("xyz", largest) if field > 1e-9]
     if set(needed) - set(axes):
         raise ValueError(f"axes must hold {''.join(needed)!r} for this task, but got {axes!r}: add what is missing.")
-    if chosen["actuator"].limit is not None and largest.max() > chosen["actuator"].limit:
+    if largest.max() > limit:
         raise ValueError(
-            f"limit of the actuator must be at least {largest.max():.3g} T for this task, but got "
-            f"{chosen['actuator'].limit:.3g} T: choose stronger coils or nearer targets."
+            f"limit of the actuator must be at least {largest.max():.3g} T for this task, but got {limit:.3g} T: "
+            "choose stronger coils or nearer targets."
         )
-    plane = chosen["plane"]
     if plane in ("xy", "xz") and set(needed) - set(plane):
         raise ValueError(f"plane must hold the targets of the task, but got {plane!r}: leave it None.")
 
@@ -195,9 +225,9 @@ def _check_parts(scene: Any, chosen: dict[str, Any]) -> None:
         ("scene", scene, Scene),
         ("actuator", chosen["actuator"], Actuator),
         ("camera", chosen["camera"], Camera),
-        ("randomization", chosen["randomization"] or Randomization(), Randomization),
+        ("randomization", chosen["randomization"], Randomization),
     ):
-        if not isinstance(value, kind):
+        if not (isinstance(value, kind) or (value is None and name == "randomization")):
             raise ValueError(
-                f"{name} must be a {kind.__name__}, but got {value!r}: build one with {kind.__name__}(...)."
+                f"{name} must be a {kind.__name__}, but got {told(value)}: build one with {kind.__name__}(...)."
             )

@@ -29,7 +29,7 @@ class Painter:
                 magnet_radii=tuple(0.5 * (magnet.diameter or 0.5 * scene.rod.width) for magnet in magnets),
                 magnet_directions=tuple(magnet.direction for magnet in magnets),
                 field_limit=max(core.coils.limit),
-                gravity=scene.gravity,
+                gravity=scene.gravity if scene.gravity is not None and any(scene.gravity) else None,
                 plane="spatial" if core.plane is None else core.plane,
             )
         )
@@ -40,8 +40,9 @@ class Painter:
         self._trace = []
 
     def follow(self, out: Any) -> None:
-        """Add the tip to the trace."""
-        self._trace = [*self._trace[-TRACE + 1 :], out.positions[0, 0].copy()]
+        """Add the tip to the trace, unless the rod is lost."""
+        if self.core.batch.status[0] == 0:
+            self._trace = [*self._trace[-TRACE + 1 :], out.positions[0, 0].copy()]
 
     def paint(self, i: int, out: Any) -> np.ndarray:
         """Frame of environment ``i``."""

@@ -6,12 +6,13 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.error import ResetNeeded
 
-from magrod_env.envs.goals import distance_reward, goal_observation, goal_space, sparse_reward
+from magrod_env.envs.arguments import choice, flag, reals, reset_options, seed_number, success_radius, told
+from magrod_env.envs.goals import goal_observation, goal_space, reward_of_goals, sparse_reward
 from magrod_env.envs.options import make_core
 from magrod_env.envs.pictures import Painter
 from magrod_env.envs.vector import action_space_of, observation_space_of
-from magrod_env.magnetics import _checks
 
 
 class MagRodEnv(gymnasium.Env):
@@ -62,8 +63,8 @@ class MagRodEnv(gymnasium.Env):
     (`random_start=False`: its first point); for reaching, in zero field.
 
     ## Episode End
-    Terminates when the rod leaves the range in which its numbers mean anything (`info["diverged"]`); truncated by the
-    time limit of the id.
+    Terminates when the rod leaves the range in which its numbers mean anything (`info["diverged"]`; it then counts as
+    lying at the clamp, and info stays finite); truncated by the time limit of the id.
 
     ## Arguments
     | argument | default | meaning |
@@ -78,11 +79,11 @@ num_elements is given |
     | plane | None (planar: "xz") | motion in space or in a plane |
     | axes | "yz" or "xz" | axes with coils, up to "xyz" |
     | actuator | Actuator() | limit (45 mT; two magnets: 25 mT), slew limit, lag, dead time of the coils |
-    | control_rate | 50 | Hz |
+    | control_rate | 50 | Hz, 1 to 10,000 |
     | camera | Camera() | noise, rate, delay |
     | observe | "camera" | or "state"; or "estimate": in the camera's place, see `EstimateState` |
     | randomization | None | a `Randomization` |
-    | success_distance | 1e-3 | m, for `info["is_success"]` |
+    | success_distance | 1e-3 | m, for `info["is_success"]`; at most half of the rod's length |
     | num_threads | one for each usable core | threads that share a batch |
     | radius, period, center_field, random_start | 16 mm, 2 s, (0, 0, 7.75 mT), True | "circle" |
     | path, size, period, ... | "figure_eight", 12 mm, 4 s | "path": a shape's name or points (M, 2) or (M, 3) m |
@@ -97,6 +98,7 @@ num_elements is given |
 
     Raises:
         ValueError: on an unknown or bad argument, or an action that is not finite or of the wrong shape.
+        ResetNeeded: on a step or a frame before the first reset.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 50}
@@ -110,26 +112,25 @@ num_elements is given |
         render_mode: str | None = None,
         **settings: Any,
     ) -> None:
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f'render_mode must be None or "rgb_array", but got {render_mode!r}: choose one of them.')
+        self.render_mode = choice("render_mode", render_mode, (None, "rgb_array"))
+        self.goal = flag("goal", goal)
         self.core = make_core(task, 1, settings)
-        self.goal, self.render_mode = goal, render_mode
-        self.success_distance = _checks.number(
-            "success_distance", success_distance, above=0.0, advice="give it in metres"
-        )
+        self.success_distance = success_radius(success_distance, self.core.scene.rod.length)
         self.metadata = self.metadata | {"render_fps": self.core.control_rate}
         box = observation_space_of(self.core)
-        self.observation_space = goal_space(self.core, box) if goal else box
+        self.observation_space = goal_space(self.core, box) if self.goal else box
         self.action_space = action_space_of(self.core)
         self._first = np.zeros(1, np.int64)
-        if goal:
+        if self.goal:
             self.compute_reward = self._compute_reward
         self._seeded_from: np.random.Generator | None = None
+        self._out: Any = None  # until the first reset
         self._painter = Painter(self.core) if render_mode == "rgb_array" else None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begin a new episode; `seed` as in Gymnasium. There are no options."""
-        super().reset(seed=seed)
+        """Begin a new episode; `seed` as in Gymnasium. There are no options: a key in them is refused."""
+        reset_options(options)
+        super().reset(seed=seed_number(seed))
         if self._seeded_from is not self.np_random:
             self._seeded_from = self.np_random
             self.core.seed(self._first, [self.np_random])
@@ -141,26 +142,32 @@ num_elements is given |
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control step."""
-        try:
-            array = np.asarray(action, np.float64)
-        except (TypeError, ValueError):
-            array = np.array(np.nan)
-        if array.shape != self.action_space.shape or not np.isfinite(array).all():
+        self._need_reset()
+        array = reals(action)
+        if array is None or array.shape != self.action_space.shape or not np.isfinite(array).all():
             raise ValueError(
-                f"action must be finite of shape {self.action_space.shape}, but got {action!r}: "
+                f"action must be finite numbers of shape {self.action_space.shape}, but got {told(action)}: "
                 "give the share of each coil pair's limit."
             )
         self._out = self.core.new_outcome()
         self.core.step(array[None], self._out)
         info = self._info(array[None])
-        reward = sparse_reward(self._out, self.success_distance)[0] if self.goal else self._out.rewards[0]
+        reward = self._out.rewards[0]
+        if self.goal:
+            reward = sparse_reward(self._out, self.success_distance, self.core.batch.status != 0)[0]
         if self._painter is not None:
             self._painter.follow(self._out)
         return self._observation(), float(reward), bool(info["diverged"]), False, info
 
     def _compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
-        """Sparse reward of any pair of goals, (3 P,) or (batch, 3 P) m: 0 within `success_distance`, else -1."""
-        return distance_reward(np.asarray(achieved_goal), np.asarray(desired_goal), self.success_distance)
+        """Sparse reward of any pair of goals, (3 P,) or (batch, 3 P) m: 0 within `success_distance`, else -1; one that
+        is not finite is not reached.
+        """
+        return reward_of_goals(achieved_goal, desired_goal, 3 * len(self.core.nodes), self.success_distance)
+
+    def _need_reset(self) -> None:
+        if self._out is None:
+            raise ResetNeeded("environment must be reset before its first step or frame, but was not: call reset().")
 
     def _observation(self) -> Any:
         if self.goal:
@@ -175,4 +182,5 @@ num_elements is given |
 
     def render(self) -> np.ndarray | None:
         """The rod now, (height, width, 3) uint8; None without a render mode."""
+        self._need_reset()
         return None if self._painter is None else self._painter.paint(0, self._out)

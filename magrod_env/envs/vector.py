@@ -10,10 +10,21 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from magrod_env.envs.arguments import (
+    MOST_ENVS,
+    choice,
+    episode_limit,
+    flag,
+    reals,
+    reset_options,
+    seed_number,
+    success_radius,
+    told,
+    whole,
+)
 from magrod_env.envs.goals import goal_observation, goal_space, sparse_reward
 from magrod_env.envs.options import make_core
 from magrod_env.envs.pictures import Painter
-from magrod_env.magnetics import _checks
 
 OBSERVATION_BOUND = 100.0
 
@@ -37,8 +48,10 @@ class MagRodVectorEnv(VectorEnv):
     Args:
         task: "circle", "path", "reach", "two_magnet" or "planar_reach".
         num_envs: number of environments.
-        max_episode_steps: control steps after which an episode is truncated; None for never.
-        autoreset_mode: gymnasium's `AutoresetMode` or its value: "NextStep" (default), "SameStep" or "Disabled".
+        max_episode_steps: control steps after which an episode is truncated; None, or -1 as in `gymnasium.make`, for
+            never.
+        autoreset_mode: gymnasium's `AutoresetMode` or its value: "NextStep" (default), "SameStep" or "Disabled";
+            with the last, an environment whose episode has ended must be reset, with a `reset_mask`, before it steps.
         goal: goal-conditioned observations and sparse rewards, for hindsight replay.
         success_distance: error, m, below which `info["is_success"]` is true.
         render_mode: None or "rgb_array": `render()` then gives a tuple with a frame of every environment.
@@ -46,6 +59,7 @@ class MagRodVectorEnv(VectorEnv):
 
     Raises:
         ValueError: on an unknown or bad argument, or an action that is not finite or of the wrong shape.
+        ResetNeeded: on a step or a frame before the first reset, or a step of an ended episode without autoreset.
     """
 
     def __init__(
@@ -60,30 +74,25 @@ class MagRodVectorEnv(VectorEnv):
         render_mode: str | None = None,
         **settings: Any,
     ) -> None:
-        self.num_envs = int(_checks.count("num_envs", num_envs, advice="give the number of environments"))
+        self.num_envs = whole("num_envs", num_envs, at_most=MOST_ENVS, advice="give the number of environments")
+        self.render_mode = choice("render_mode", render_mode, (None, "rgb_array"))
+        self.goal, self.max_episode_steps = flag("goal", goal), episode_limit(max_episode_steps)
         self.core = make_core(task, self.num_envs, settings)
         try:
             self.autoreset_mode = AutoresetMode(autoreset_mode)
         except ValueError:
             raise ValueError(
                 f"autoreset_mode must be one of {', '.join(mode.value for mode in AutoresetMode)}, "
-                f"but got {autoreset_mode!r}: choose one of them."
+                f"but got {told(autoreset_mode)}: choose one of them."
             ) from None
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f'render_mode must be None or "rgb_array", but got {render_mode!r}: choose one of them.')
-        if max_episode_steps is not None:
-            max_episode_steps = int(_checks.count("max_episode_steps", max_episode_steps, advice="or None for never"))
         self.metadata = {
             "render_modes": ["rgb_array"],
             "render_fps": self.core.control_rate,
             "autoreset_mode": self.autoreset_mode,
         }
-        self.max_episode_steps, self.goal, self.render_mode = max_episode_steps, goal, render_mode
-        self.success_distance = _checks.number(
-            "success_distance", success_distance, above=0.0, advice="give it in metres"
-        )
+        self.success_distance = success_radius(success_distance, self.core.scene.rod.length)
         box = observation_space_of(self.core)
-        self.single_observation_space = goal_space(self.core, box) if goal else box
+        self.single_observation_space = goal_space(self.core, box) if self.goal else box
         self.single_action_space = action_space_of(self.core)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -98,18 +107,10 @@ class MagRodVectorEnv(VectorEnv):
 
         Args:
             seed: s seeds environment i with s + i; a list gives each its own; None goes on with the present streams.
-            options: {"reset_mask": (num_envs,) bool} resets only some environments.
+            options: {"reset_mask": (num_envs,) bool} resets only some environments. Another key is refused.
         """
-        mask = None if options is None else options.get("reset_mask")
-        if mask is not None:
-            self._need_reset()
-            shape = (self.num_envs,)
-            if not (isinstance(mask, np.ndarray) and mask.shape == shape and mask.dtype == bool and mask.any()):
-                raise ValueError(
-                    f"reset_mask must be a boolean array of shape ({self.num_envs},) with a True, but got {mask!r}: "
-                    "mark the environments to reset."
-                )
-        which = np.arange(self.num_envs) if mask is None else np.flatnonzero(np.asarray(mask))
+        mask = self._mask(reset_options(options, ("reset_mask",)))
+        which = np.arange(self.num_envs) if mask is None else np.flatnonzero(mask)
         self._seed(seed, which)
         if mask is None:
             self._out = self.core.new_outcome()
@@ -121,9 +122,33 @@ class MagRodVectorEnv(VectorEnv):
         chosen[which] = True
         return self._observation(self._out), self._info(self._out, None, chosen)
 
+    def _mask(self, options: dict[str, Any]) -> np.ndarray | None:
+        if "reset_mask" not in options:
+            return None
+        self._need_reset()
+        mask = options["reset_mask"]
+        if not (isinstance(mask, np.ndarray) and mask.shape == (self.num_envs,) and mask.dtype == bool and mask.any()):
+            raise ValueError(
+                f"reset_mask must be a boolean array of shape ({self.num_envs},) with a True, but got {told(mask)}: "
+                "mark the environments to reset."
+            )
+        return mask
+
     def _need_reset(self) -> None:
         if not self._seeded.all():
-            raise ResetNeeded("environment must be reset before its first step, but was not: call reset().")
+            raise ResetNeeded(
+                "environments must be reset before their first step or frame, but were not: call reset()."
+            )
+
+    def _need_running(self) -> None:
+        """Without autoreset, refuse to step an environment whose episode has ended."""
+        self._need_reset()
+        ended = np.flatnonzero(self._over)
+        if self.autoreset_mode == AutoresetMode.DISABLED and len(ended):
+            raise ResetNeeded(
+                f"environments must be reset at the end of their episodes, but {told(ended.tolist())} were not: call "
+                'reset(options={"reset_mask": mask}) with their entries True.'
+            )
 
     def _seed(self, seed: int | list[int | None] | None, which: np.ndarray) -> None:
         """Seed the environments `which`: as given, else anew those that never were."""
@@ -136,19 +161,18 @@ class MagRodVectorEnv(VectorEnv):
         self.core.seed_all(seeds)
 
     def _seeds(self, seed: int | list[int | None]) -> list[int | None]:
-        if isinstance(seed, (int, np.integer)):
-            return [int(seed) + i for i in range(self.num_envs)]
-        if not hasattr(seed, "__len__"):
-            raise ValueError(f"seed must be a whole number or {self.num_envs} of them, but got {seed!r}: give one.")
+        if not (isinstance(seed, (list, tuple)) or (isinstance(seed, np.ndarray) and seed.ndim == 1)):
+            first = seed_number(seed)
+            return [None if first is None else first + i for i in range(self.num_envs)]
         if len(seed) != self.num_envs:
             raise ValueError(
                 f"seed must be one number or {self.num_envs}, but got {len(seed)}: one for each environment."
             )
-        return list(seed)
+        return [seed_number(one) for one in seed]
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """One control step of every environment."""
-        self._need_reset()
+        self._need_running()
         actions = self._checked(actions)
         fresh = self._over.copy() if self.autoreset_mode == AutoresetMode.NEXT_STEP else np.zeros(self.num_envs, bool)
         out = self.core.new_outcome()
@@ -163,7 +187,7 @@ class MagRodVectorEnv(VectorEnv):
             truncated = (self.core.episodes.steps >= self.max_episode_steps) & ~fresh
         self._over = terminated | truncated
         info = self._info(out, np.where(fresh[:, None], 0.0, actions))
-        rewards = sparse_reward(out, self.success_distance) if self.goal else out.rewards
+        rewards = sparse_reward(out, self.success_distance, self.core.batch.status != 0) if self.goal else out.rewards
         rewards = np.where(fresh, 0.0, rewards)
         self._out = out
         if self.autoreset_mode == AutoresetMode.SAME_STEP and self._over.any():
@@ -194,13 +218,11 @@ class MagRodVectorEnv(VectorEnv):
         }
 
     def _checked(self, actions: Any) -> np.ndarray:
-        try:
-            array = np.asarray(actions, np.float64)
-        except (TypeError, ValueError):
-            array = np.array(np.nan)
-        if array.shape != self.action_space.shape:
+        array = reals(actions)
+        if array is None or array.shape != self.action_space.shape:
+            came = told(actions) if array is None else f"shape {array.shape}"
             raise ValueError(
-                f"actions must have shape {self.action_space.shape}, but got {array.shape}: one row an environment."
+                f"actions must be numbers of shape {self.action_space.shape}, but got {came}: one row an environment."
             )
         if not np.isfinite(array).all():
             row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
@@ -221,6 +243,7 @@ class MagRodVectorEnv(VectorEnv):
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """A frame of every environment, (height, width, 3) uint8 each; None without a render mode."""
+        self._need_reset()
         if self._painter is None:
             return None
         return tuple(self._painter.paint(i, self._out) for i in range(self.num_envs))

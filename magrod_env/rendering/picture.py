@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
+from numbers import Real
 from typing import Literal
+
+import numpy as np
 
 Vector = tuple[float, float, float]
 
@@ -59,13 +62,18 @@ class Picture:
 
 def _require_positive(name: str, values: Sequence[float]) -> None:
     for value in values:
-        if not (isfinite(value) and value > 0):
+        if not (_is_number(value) and value > 0):
             raise ValueError(f"{name} must be positive and finite, received {value!r}.")
 
 
 def _require_vector(name: str, vector: Sequence[float]) -> None:
-    if len(vector) != 3 or not all(isfinite(x) for x in vector) or not any(vector):
+    listed = isinstance(vector, (tuple, list)) or (isinstance(vector, np.ndarray) and vector.ndim == 1)
+    if not listed or len(vector) != 3 or not all(map(_is_number, vector)) or not any(vector):
         raise ValueError(f"{name} must be finite non-zero 3-vectors, received {vector!r}.")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
 
 
 def _require_choice(name: str, value: str, choices: Sequence[str]) -> None:

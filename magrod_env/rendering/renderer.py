@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 _DESIGN_SIZE: Final = (960, 480)
 _LEAST_SIZE: Final = (160, 120)
+_LARGEST_EDGE: Final = 16384
 _HEADING, _STATUS, _GAP = 40, 34, 10  # heights and spaces at the design size, pixels
 _FARTHEST: Final = 1.5  # rod lengths from the clamp; no rod that is still sound gets there
 
@@ -45,11 +46,8 @@ class Renderer:
     def __init__(
         self, picture: Picture, *, size: tuple[int, int] = _DESIGN_SIZE, views: Sequence[str] | None = None
     ) -> None:
-        views = default_views(picture) if views is None else tuple(views)
-        if not 1 <= len(views) <= 3 or not set(views) <= set(VIEWS):
-            raise ValueError(f"views must be one to three of {', '.join(VIEWS)}, received {views!r}.")
-        if size[0] < _LEAST_SIZE[0] or size[1] < _LEAST_SIZE[1]:
-            raise ValueError(f"size must be at least {_LEAST_SIZE} pixels, received {size!r}.")
+        views = default_views(picture) if views is None else _checked_views(views)
+        size = _checked_size(size)
         self._picture = picture
         self._unit = min(size[0] / _DESIGN_SIZE[0], size[1] / _DESIGN_SIZE[1])
         self._panes = _panes(size, len(views), self._unit)
@@ -149,6 +147,22 @@ class Renderer:
             at[0] += write(frame, at, "diverged", palette.ALARM, 14 * unit) + 30 * unit
         if text is not None:
             write(frame, at, text, palette.TEXT_MUTED, 14 * unit)
+
+
+def _checked_views(views: Sequence[str]) -> tuple[str, ...]:
+    chosen = tuple(views) if isinstance(views, (tuple, list)) else ()
+    if not 1 <= len(chosen) <= 3 or not all(view in VIEWS for view in chosen):
+        raise ValueError(f"views must be one to three of {', '.join(VIEWS)}, received {views!r}.")
+    return chosen
+
+
+def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
+    pair = isinstance(size, (tuple, list)) and len(size) == 2
+    if not pair or not all(isinstance(edge, (int, np.integer)) and edge <= _LARGEST_EDGE for edge in size):
+        raise ValueError(f"size must be width and height in whole pixels, at most {_LARGEST_EDGE}, received {size!r}.")
+    if size[0] < _LEAST_SIZE[0] or size[1] < _LEAST_SIZE[1]:
+        raise ValueError(f"size must be at least {_LEAST_SIZE} pixels, received {size!r}.")
+    return int(size[0]), int(size[1])
 
 
 def _panes(size: tuple[int, int], count: int, unit: float) -> list[Box]:

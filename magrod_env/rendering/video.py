@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from importlib.util import find_spec
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,11 @@ def write_video(frames: Iterable[NDArray[np.uint8]], path: str | Path, fps: floa
 
     frames: any iterable; it is consumed frame by frame.
     path: file to write; its ending picks the format.
-    fps: frames per second of playback.
-    Raises ImportError without imageio and imageio-ffmpeg, ValueError for another ending.
+    fps: frames per second of playback, above 0 and at most 1000.
+    Raises ImportError without imageio and imageio-ffmpeg, ValueError for another ending or rate.
     """
+    if isinstance(fps, bool) or not isinstance(fps, Real) or not 0 < fps <= 1000:
+        raise ValueError(f"fps must be a number above 0 and at most 1000, received {fps!r}.")
     suffix = Path(path).suffix.lower()
     if suffix not in (".mp4", ".gif"):
         raise ValueError(f"path must end in .mp4 or .gif, received {str(path)!r}.")

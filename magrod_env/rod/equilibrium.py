@@ -7,6 +7,7 @@ import numpy as np
 
 from magrod_env._jit import PRESENT
 from magrod_env.rod import stability
+from magrod_env.rod.energy import LARGEST_STRAIN
 from magrod_env.rod.layout import Terms, make_blocks, make_layout, rows_of
 from magrod_env.rod.mesh import RodValues, write_rod
 from magrod_env.rod.state import rotation_matrices
@@ -31,6 +32,8 @@ class Equilibrium:
             of field and gradient, or of the way to them; from a shape that came to no stable rest, 1.
         field: T, world, at the origin, (3,): what was asked for.
         gradient: T/m, dB_i/dx_j, (3, 3): what was asked for.
+        strained: whether an element is stretched, squeezed or sheared by more than half or bent by a half turn, so that
+            it is no result, and counts as not reached.
     """
 
     positions: np.ndarray
@@ -39,6 +42,7 @@ class Equilibrium:
     share: float
     field: np.ndarray
     gradient: np.ndarray
+    strained: bool = False
 
     @property
     def tip_position(self) -> np.ndarray:
@@ -102,7 +106,7 @@ class StaticModel:
             positions,
             quaternions,
         )
-        return _result(positions, quaternions, status == REACHED, share, field, slopes)
+        return self._result(positions, quaternions, status == REACHED, share, field, slopes)
 
     def continued(self, start: Equilibrium, field, gradient=None) -> Equilibrium:
         """Equilibrium in ``field`` (3,) T and ``gradient`` (3, 3) T/m, followed from that of other loads.
@@ -122,7 +126,7 @@ class StaticModel:
                 step *= 0.5
             else:
                 (positions, quaternions), share, step = found, goal, min(2.0 * step, 1.0)
-        return _result(positions, quaternions, share >= 1.0, 1.0 + share, end[:3], end[3:])
+        return self._result(positions, quaternions, share >= 1.0, 1.0 + share, end[:3], end[3:])
 
     def holds(self, case: Equilibrium) -> bool:
         """Whether a shape is a stable equilibrium of this rod under its loads."""
@@ -153,12 +157,33 @@ class StaticModel:
             if largest < SMALL_FLOW:
                 found = self._relax(positions, quaternions, loads, bool(loads[3:].any()))
                 if found is not None:
-                    return _result(*found, True, 2.0, loads[:3], loads[3:])
+                    return self._result(*found, True, 2.0, loads[:3], loads[3:])
                 if largest < AT_REST and rate <= 1.0:
                     break
             if largest < 0.5 * LARGEST_TURN:
                 rate *= 0.5
-        return _result(positions, quaternions, False, 1.0, loads[:3], loads[3:])
+        return self._result(positions, quaternions, False, 1.0, loads[:3], loads[3:])
+
+    def _result(self, positions, quaternions, reached, share, field, slopes) -> Equilibrium:
+        loads = np.array(field, float), slopes.reshape(3, 3).copy()
+        strained = self._strain(positions, quaternions) > LARGEST_STRAIN
+        return Equilibrium(positions, quaternions, bool(reached) and not strained, float(share), *loads, strained)
+
+    def _strain(self, positions, quaternions) -> float:
+        """Largest stretch or squeeze of an element's chord or, of helical elements, its sine of the angle to the
+        middle section; infinite where an element is bent by a half turn or more.
+        """
+        lengths = np.diff(self.straight()[0][:, 0])
+        chords = np.diff(positions, axis=0) / lengths[:, None]
+        sizes = np.linalg.norm(chords, axis=1)
+        if ((quaternions[1:] * quaternions[:-1]).sum(axis=1) <= 0.0).any():
+            return np.inf
+        stretch = np.abs(sizes - 1.0).max()
+        if self.terms.nodal is not None:
+            return float(stretch)
+        middle = quaternions[1:] + quaternions[:-1]
+        normal = rotation_matrices(middle / np.linalg.norm(middle, axis=1, keepdims=True))[..., 0]
+        return float(max(stretch, np.linalg.norm(np.cross(normal, chords), axis=1).max()))
 
     def _flow_step(self, positions, quaternions, loads, rate: float):
         """Change (6 N,) of the degrees of freedom in a step of 1/``rate`` of the flow; None where it has no minimum."""
@@ -222,7 +247,7 @@ class StaticModel:
         """See ``stability.stable_time_step``."""
         return stability.stable_time_step(self._block, self.layout, self.terms, field_magnitude, plane, pull=pull)
 
-    def stable_time_step_at(self, case: LoadCase, plane: str | None) -> float:
+    def stable_time_step_at(self, case: Equilibrium, plane: str | None) -> float:
         """Largest stable step, s, of small motions about an equilibrium."""
         return stability.time_step_bound(*self.linearise(case), plane)
 
@@ -249,8 +274,3 @@ class StaticModel:
 def _slopes(gradient) -> np.ndarray:
     """A gradient (3, 3) T/m, or None, as the kernels take it, (9,)."""
     return np.zeros(9) if gradient is None else np.array(gradient, float).ravel()
-
-
-def _result(positions, quaternions, reached, share, field, slopes) -> Equilibrium:
-    loads = np.array(field, float), slopes.reshape(3, 3).copy()
-    return Equilibrium(positions, quaternions, bool(reached), float(share), *loads)

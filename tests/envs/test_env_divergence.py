@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from rollouts import EVERYTHING_VARIES, NOISY, assert_same, oracle, scripted_actions
 
 from magrod_env.envs import MagRodEnv, MagRodVectorEnv
+from magrod_env.registration import IDS
 from magrod_env.rod.energy import NOT_FINITE
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -22,6 +24,15 @@ def poison(core, i, what="velocity", value=np.nan):
 def finite(observation):
     values = observation.values() if isinstance(observation, dict) else [observation]
     return all(np.isfinite(value).all() for value in values)
+
+
+def all_finite(value):
+    """Every number in what a reset or step has handed out."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.dtype == object):
+        return all(all_finite(entry) for entry in value if entry is not None)
+    return bool(np.isfinite(value).all())
 
 
 def others(value):
@@ -142,16 +153,68 @@ def test_watchdog_sees_every_kind_of_sick_state(what, value, status):
 
 
 def test_diverged_rod_stays_diverged_until_it_is_reset():
+    env = MagRodEnv("reach", num_elements=3)
+    env.reset(seed=0)
+    poison(env.core, 0)
+    for _ in range(2):
+        result = env.step(np.zeros(2))
+        assert result[2] and result[4]["diverged"] and all_finite(result)
+    assert not env.reset()[1]["diverged"]
+    assert not env.step(np.zeros(2))[2]
+
+
+def test_without_autoreset_a_diverged_rod_must_be_reset_before_the_next_step():
     batch = MagRodVectorEnv("reach", 2, num_elements=3, autoreset_mode="Disabled")
     batch.reset(seed=0)
     poison(batch.core, 1)
-    for _ in range(2):
-        observations, rewards, terminated, _, info = batch.step(np.zeros((2, 2)))
-        assert terminated.tolist() == info["diverged"].tolist() == [False, True]
-        assert np.isfinite(observations).all() and np.isfinite(rewards).all()
+    result = batch.step(np.zeros((2, 2)))
+    assert result[2].tolist() == result[4]["diverged"].tolist() == [False, True] and all_finite(result)
+    with pytest.raises(ResetNeeded, match=r"\[1\].*reset_mask"):
+        batch.step(np.zeros((2, 2)))
     mask = np.array([False, True])
     assert not batch.reset(options={"reset_mask": mask})[1]["diverged"][1]
     assert not batch.step(np.zeros((2, 2)))[2].any()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e30])
+@pytest.mark.parametrize("name", IDS)
+def test_all_that_is_told_of_a_lost_rod_is_finite(name, value):
+    """Its tip counts as lying at the clamp: position, error and achieved goal say the same, and none is a success."""
+    env = MagRodEnv(**IDS[name][0])
+    env.reset(seed=0)
+    poison(env.core, 0, "position", value)
+    result = env.step(np.zeros(env.action_space.shape))
+    observation, info = result[0], result[4]
+    assert info["diverged"] and not info["is_success"] and all_finite(result)
+    assert info["tip_position"].tolist() == [0.0, 0.0, 0.0]
+    assert info["tip_error"] == pytest.approx(np.linalg.norm(info["target"]), rel=1e-12)
+    assert info.get("middle_error", 1.0) > 0.0
+    if env.goal:
+        assert not observation["achieved_goal"].any()
+        assert env.compute_reward(observation["achieved_goal"], observation["desired_goal"], info) == result[1] == -1.0
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+@pytest.mark.parametrize("name", IDS)
+def test_all_that_a_batch_tells_of_a_lost_rod_is_finite(name, mode):
+    batch = MagRodVectorEnv(**IDS[name][0], num_envs=3, autoreset_mode=mode)
+    batch.reset(seed=0)
+    poison(batch.core, 1)
+    result = batch.step(np.zeros(batch.action_space.shape))
+    assert result[2].tolist() == [False, True, False] and all_finite(result)
+    told = result[4]["final_info"] if mode == "SameStep" else result[4]
+    assert told["diverged"].tolist() == [False, True, False]
+    assert not told["tip_position"][1].any() and told["tip_position"][[0, 2]].any(axis=1).all()
+
+
+@pytest.mark.parametrize("vector", [False, True], ids=["single", "vector"])
+def test_estimate_of_a_lost_rod_is_told_in_finite_numbers(vector):
+    settings = {"task": "circle", "num_elements": 3, "observe": "estimate"}
+    env = MagRodVectorEnv(**settings, num_envs=2) if vector else MagRodEnv(**settings)
+    env.reset(seed=0)
+    poison(env.core, 0)
+    result = env.step(np.zeros(env.action_space.shape))
+    assert np.ravel(result[4]["diverged"])[0] and all_finite(result)
 
 
 def test_all_rods_of_a_batch_may_diverge():

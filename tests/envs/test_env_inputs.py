@@ -6,9 +6,10 @@ import gymnasium
 import numpy as np
 import pytest
 
-from magrod_env import load_scene
+from magrod_env import Magnet, Rod, Scene, load_scene
 from magrod_env.envs import Camera, MagRodEnv, MagRodVectorEnv, Randomization
 from magrod_env.magnetics import Actuator
+from magrod_env.registration import IDS
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -111,6 +112,10 @@ def test_bad_argument(settings, words, kind):
         ({"num_envs": 2.5}, ["num_envs", "2.5"]),
         ({"max_episode_steps": 0}, ["max_episode_steps", "0"]),
         ({"max_episode_steps": -5}, ["max_episode_steps", "-5"]),
+        ({"max_episode_steps": True}, ["max_episode_steps", "True", "-1"]),
+        ({"max_episode_steps": 2.5}, ["max_episode_steps", "2.5"]),
+        ({"max_episode_steps": 1e300}, ["max_episode_steps", "1e+300"]),
+        ({"num_envs": 1e300}, ["num_envs", "1e+300"]),
         ({"max_episode_steps": "long"}, ["max_episode_steps", "long"]),
         ({"autoreset_mode": "Sometimes"}, ["autoreset_mode", "Sometimes", "SameStep"]),
         ({"autoreset_mode": None}, ["autoreset_mode", "None", "SameStep"]),
@@ -174,8 +179,14 @@ def test_magnet_cannot_be_moved_off_the_rod_or_past_another():
         np.zeros((2, 1)),
         None,
         [[0.0], [0.0, 0.0]],
+        ["0", "1"],
+        [True, False],
+        [1j, 0.0],
+        np.zeros(2, object),
+        {0.0, 1.0},
+        [10**400, 0.0],
     ],
-    ids=repr,
+    ids=str,
 )
 def test_bad_action(action):
     env = MagRodEnv("reach", num_elements=3)
@@ -197,6 +208,9 @@ def test_bad_action(action):
         (np.zeros((2, 2, 1)), ["(2, 2)", "(2, 2, 1)"]),
         (None, ["(2, 2)"]),
         ([[0.0], [0.0, 0.0]], ["(2, 2)"]),
+        ([["0", "1"]] * 2, ["(2, 2)", "'0'"]),
+        (np.ones((2, 2), bool), ["(2, 2)"]),
+        (np.ones((2, 2), complex), ["(2, 2)"]),
     ],
     ids=repr,
 )
@@ -217,6 +231,8 @@ def test_bad_actions_of_a_batch(actions, words):
         np.ones(4, bool),
         np.ones((3, 1), bool),
         np.array([0, 1, 1]),
+        None,
+        {},
         [True, False, True],
         True,
     ],
@@ -238,19 +254,158 @@ def test_wrong_number_of_seeds(seed):
     check_sentence(error, "seed", "3", str(len(seed)))
 
 
-@pytest.mark.parametrize("seed", [-1, 1.5, "one"], ids=repr)
+@pytest.mark.parametrize("seed", [-1, 1.5, NAN, True, "one", "ab", {1, 2}, object(), [0, "x"], [[0], [1]]], ids=str)
 @pytest.mark.parametrize("kind", ["single", "vector"])
 def test_bad_seed(seed, kind):
     env = MagRodEnv("reach", num_elements=3) if kind == "single" else MagRodVectorEnv("reach", 2, num_elements=3)
-    with pytest.raises((ValueError, gymnasium.error.Error)) as error:
+    with pytest.raises(ValueError) as error:
         env.reset(seed=seed)
-    check_sentence(error, "eed")
+    check_sentence(error, "seed")
 
 
 @pytest.mark.parametrize("seed", [np.int64(4), np.uint32(4)], ids=repr)
 def test_numpy_numbers_are_seeds(seed):
-    batch = MagRodVectorEnv("reach", 2, num_elements=3)
-    np.testing.assert_array_equal(batch.reset(seed=seed)[0], batch.reset(seed=4)[0])
+    for env in (MagRodEnv("reach", num_elements=3), MagRodVectorEnv("reach", 2, num_elements=3)):
+        np.testing.assert_array_equal(env.reset(seed=seed)[0], env.reset(seed=4)[0])
+
+
+def both(**settings):
+    """A single and a vector environment."""
+    return MagRodEnv("reach", num_elements=3, **settings), MagRodVectorEnv("reach", 2, num_elements=3, **settings)
+
+
+@pytest.mark.parametrize("env", both(), ids=["single", "vector"])
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"colour": "red"}, ["colour"]),
+        ({"mask": np.array([True, False])}, ["mask"]),
+        ({1: 2}, ["1"]),
+        ("reset_mask", ["options", "dict", "reset_mask"]),
+        ([], ["options", "dict", "[]"]),
+        (5, ["options", "dict", "5"]),
+    ],
+    ids=str,
+)
+def test_unknown_options_of_a_reset_are_refused(env, options, words):
+    with pytest.raises(ValueError) as error:
+        env.reset(options=options)
+    check_sentence(error, "options", *words)
+
+
+def test_options_that_are_unknown_are_told_beside_those_that_are_known():
+    single, batch = both()
+    with pytest.raises(ValueError, match="empty"):
+        single.reset(options={"reset_mask": np.array([True])})
+    with pytest.raises(ValueError, match=r"reset_mask.*colour"):
+        batch.reset(options={"colour": "red"})
+    for env in (single, batch):
+        env.reset(options={}), env.reset(options=None)
+
+
+@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize("mode", [None, "rgb_array"])
+@pytest.mark.parametrize("vector", [False, True], ids=["single", "vector"])
+def test_a_step_or_a_frame_before_the_first_reset_is_refused(name, mode, vector):
+    settings = {"render_mode": mode}
+    env = gymnasium.make_vec(name, num_envs=2, **settings) if vector else gymnasium.make(name, **settings)
+    for call in (lambda: env.unwrapped.step(env.action_space.sample()), env.unwrapped.render, env.render):
+        with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):
+            call()
+
+
+@pytest.mark.parametrize("value", [-1, np.int64(-1), None], ids=repr)
+def test_minus_one_and_none_are_no_time_limit(value):
+    """-1 as in `gymnasium.make`, which adds no TimeLimit then."""
+    limit = gymnasium.spec("MagRod/Reach-v0").max_episode_steps
+    batch = gymnasium.make_vec("MagRod/Reach-v0", num_envs=1, max_episode_steps=value, num_elements=3)
+    batch.reset(seed=0)
+    assert not any(batch.step(np.zeros((1, 2)))[3].any() for _ in range(limit + 1))
+
+
+@pytest.mark.parametrize("value", [0, -5, 2.5, "x"], ids=repr)
+def test_no_episode_is_as_long_as_no_count_says(value):
+    """`gymnasium.make` hands the limit to its own wrapper, which speaks for itself."""
+    with pytest.raises((ValueError, TypeError), match="max_episode_steps"):
+        gymnasium.make("MagRod/Reach-v0", max_episode_steps=value, num_elements=3)
+    with pytest.raises(ValueError, match="max_episode_steps"):
+        gymnasium.make_vec("MagRod/Reach-v0", num_envs=2, max_episode_steps=value, num_elements=3)
+
+
+def test_without_autoreset_an_ended_episode_must_be_reset_before_the_next_step():
+    """By a mask that holds all that have ended, or as a whole."""
+    batch = MagRodVectorEnv("reach", 3, num_elements=3, max_episode_steps=2, autoreset_mode="Disabled")
+    batch.reset(seed=0)
+    still = np.zeros((3, 2))
+    batch.step(still), batch.step(still)
+    with pytest.raises(gymnasium.error.ResetNeeded) as error:
+        batch.step(still)
+    check_sentence(error, "[0, 1, 2]", "reset_mask")
+    batch.reset(options={"reset_mask": np.array([True, False, True])})
+    with pytest.raises(gymnasium.error.ResetNeeded) as error:
+        batch.step(still)
+    check_sentence(error, "[1]", "reset_mask")
+    batch.reset(options={"reset_mask": np.array([False, True, False])})
+    assert not batch.step(still)[3].any()
+    batch.step(still), batch.reset()
+    assert not batch.step(still)[3].any()
+
+
+@pytest.mark.parametrize("env", both(), ids=["single", "vector"])
+def test_closing_twice_is_silent(env):
+    env.reset(seed=0)
+    env.close(), env.close()
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [None, "x", ["a", "b", "c"], 0.0, [0.0, 0.0], np.zeros((2, 2)), np.zeros((4, 4)), [True] * 3, 1j * np.ones(3), {}],
+    ids=str,
+)
+def test_goals_of_a_wrong_kind_or_shape_are_refused(goal):
+    env = MagRodEnv("reach", goal=True, num_elements=3)
+    for name, goals in (("achieved_goal", (goal, np.zeros(3))), ("desired_goal", (np.zeros(3), goal))):
+        with pytest.raises(ValueError) as error:
+            env.compute_reward(*goals, {})
+        check_sentence(error, name, "3")
+
+
+def test_goals_give_a_number_each_in_the_shape_that_they_come_in():
+    env = MagRodEnv("reach", goal=True, num_elements=3)
+    for shape in ((), (1,), (5,), (0,), (2, 4)):
+        reward = env.compute_reward(np.zeros((*shape, 3)), np.full((*shape, 3), 1e-4), {})
+        assert reward.shape == shape and reward.dtype == np.float64 and not reward.any()
+    assert isinstance(env.compute_reward([0, 0, 0], [0.0, 0.0, 1.0], {}), float)
+    assert env.compute_reward(np.zeros((4, 3)), np.zeros(3), [{}] * 4).tolist() == [0.0] * 4
+
+
+def test_goals_of_a_rod_of_three_metres_are_where_the_rod_is():
+    """The goals' space reaches as far as the rod."""
+    rod = Rod.circular(length=3.0, diameter=4e-2, density=1100.0, youngs_modulus=2e7, poissons_ratio=0.5)
+    magnet = Magnet.dipole(position=3.0, moment=100.0)
+    scene = Scene(rod=rod, magnets=(magnet,), gravity=(0.0, 0.0, -9.81), drag_rate=5.0, spin_drag_rate=100.0)
+    env = MagRodEnv("reach", goal=True, scene=scene, num_elements=3)
+    observation, info = env.reset(seed=0)
+    assert observation in env.observation_space
+    np.testing.assert_array_equal(observation["achieved_goal"], info["tip_position"])
+    assert np.linalg.norm(info["tip_position"]) > 2.0
+
+
+def test_goals_of_shapes_that_do_not_fit_are_refused():
+    with pytest.raises(ValueError) as error:
+        MagRodEnv("reach", goal=True, num_elements=3).compute_reward(np.zeros((4, 3)), np.zeros((5, 3)), {})
+    check_sentence(error, "achieved_goal", "desired_goal", "(4, 3)", "(5, 3)")
+
+
+@pytest.mark.parametrize("value", [NAN, np.inf, -np.inf, 1e300])
+def test_a_goal_that_is_not_finite_is_not_reached(value):
+    """Also infinitely far in the same direction as the rod."""
+    env = MagRodEnv("reach", goal=True, num_elements=3)
+    bad = np.full((2, 3), value)
+    for goals in ((bad, np.zeros((2, 3))), (np.zeros((2, 3)), bad), (np.array([0.0, 0.0, value]), np.zeros((2, 3)))):
+        assert env.compute_reward(*goals, {}).tolist() == [-1.0, -1.0]
+    if not np.isfinite(value):
+        assert env.compute_reward(bad, bad, {}).tolist() == [-1.0, -1.0]
 
 
 def test_actions_may_be_lists_or_of_any_real_type():

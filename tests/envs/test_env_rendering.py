@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from rollouts import scripted_actions
 
+from magrod_env import load_scene
 from magrod_env.envs import MagRodEnv, MagRodVectorEnv
 from magrod_env.registration import IDS
 
@@ -85,6 +86,26 @@ def test_diverged_rod_can_be_drawn():
     check_frame(env.render())
     env.reset()
     check_frame(env.render())
+
+
+def test_scene_with_a_gravity_of_zero_can_be_drawn():
+    scene = load_scene("paper5_circle", modulus=2e6).replace(gravity=(0.0, 0.0, 0.0))
+    env = MagRodEnv("reach", scene=scene, num_elements=3, render_mode="rgb_array")
+    env.reset(seed=0)
+    check_frame(env.render())
+
+
+def test_trace_of_a_rod_that_is_lost_ends_where_it_was_last_seen():
+    """The clamp, where a lost rod counts as lying, is no place that its tip has been to."""
+    env = MagRodEnv("circle", num_elements=3, render_mode="rgb_array")
+    env.reset(seed=0)
+    for action in scripted_actions(env.action_space, 3):
+        env.step(action)
+    trace = np.array(env._painter._trace)
+    batch = env.core.batch
+    batch.rows[0, batch.layout.nodes + batch.node_rows.size] = np.nan
+    assert env.step(np.zeros(2))[2]
+    np.testing.assert_array_equal(env._painter._trace, trace)
 
 
 def test_frame_follows_the_reset():

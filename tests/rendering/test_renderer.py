@@ -189,6 +189,16 @@ def test_wrong_views_and_sizes_are_named():
 
 
 @pytest.mark.parametrize(
+    "value", [float("nan"), 1e300, -1, True, "x", set(), [], [1], {}, object(), (960, 480.5)], ids=str
+)
+def test_views_and_sizes_of_a_wrong_kind_are_named(value):
+    with pytest.raises(ValueError, match="views must be"):
+        Renderer(PICTURE, views=value)
+    with pytest.raises(ValueError, match="size must be"):
+        Renderer(PICTURE, size=value)
+
+
+@pytest.mark.parametrize(
     ("changes", "words"),
     [
         ({"length": 0.0}, "length must be positive"),
@@ -197,6 +207,11 @@ def test_wrong_views_and_sizes_are_named():
         ({"gravity": (0.0, 0.0, 0.0)}, "gravity must be"),
         ({"plane": "yz"}, "plane must be one of"),
         ({"section": "star"}, "section must be one of"),
+        ({"length": "long"}, "length must be positive"),
+        ({"radius": None}, "radius must be positive"),
+        ({"field_limit": True}, "field_limit must be positive"),
+        ({"gravity": 9.81}, "gravity must be"),
+        ({"gravity": (0.0, None, 1.0)}, "gravity must be"),
     ],
 )
 def test_wrong_pictures_are_named(changes, words):

@@ -32,6 +32,12 @@ def test_unknown_ending_is_named(tmp_path):
         write_video(frames(1), tmp_path / "clip.txt", fps=10)
 
 
+@pytest.mark.parametrize("fps", [0, -1, float("nan"), float("inf"), 1e300, True, "x", None, set()], ids=str)
+def test_rate_that_no_video_has_is_named(tmp_path, fps):
+    with pytest.raises(ValueError, match="fps must be"):
+        write_video(frames(1), tmp_path / "clip.gif", fps=fps)
+
+
 def test_missing_packages_are_named(tmp_path, monkeypatch):
     monkeypatch.setattr(video, "find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r"install magrod-env\[viz\]"):
