@@ -231,7 +231,7 @@ class StaticModel:
         """Equilibrium in ``field`` (3,) T, continued from one nearby; from zero field where that is too far."""
         loads = np.concatenate([np.asarray(field, float), np.zeros(9)])
         found = self._relax(case.positions, case.quaternions, loads, False) if case.reached else None
-        return self.equilibrium(field) if found is None else _result(*found, True, 2.0, loads[:3], loads[3:])
+        return self.equilibrium(field) if found is None else self._result(*found, True, 2.0, loads[:3], loads[3:])
 
     def linearise(self, case: Equilibrium | None):
         """Dense stiffness and lumped inertia at an equilibrium; None: straight and without load."""

@@ -162,3 +162,26 @@ def helical_loads(gamma, phi, geometry, stress, moment, length):
     torque_a = add(add(symmetric, scale(0.5, phi_m)), add(s, u_s))
     torque_b = subtract(subtract(s, u_s), subtract(symmetric, scale(0.5, phi_m)))
     return rotate(mid, n), torque_a, torque_b
+
+
+@inline_jit
+def helical_strain_rates(gamma, phi, geometry, velocity_a, spin_a, velocity_b, spin_b, inverse_length):
+    """Rates of ``gamma`` (1/s) and ``phi`` (rad/s) from nodal velocities (world, m/s) and angular velocities (body,
+    rad/s).
+
+    The transpose of the map in ``helical_loads``: stress times rate is the power of the nodal loads.
+    """
+    chord, u, mid, q, w, r, x, a, sinc_inverse = geometry
+    beta = 0.0625 * (w + q) * sinc_inverse * r
+    difference, total = subtract(spin_b, spin_a), add(spin_b, spin_a)
+    phi_rate = add_scaled(difference, 0.5, cross(phi, total))
+    phi_rate = add_scaled(phi_rate, beta, cross(phi, cross(phi, difference)))
+    mid_spin = scale(0.5, add(total, cross(u, difference)))
+    chord_rate = scale(inverse_length, rotate_back(mid, subtract(velocity_b, velocity_a)))
+    chord_rate = add(chord_rate, cross(chord, mid_spin))
+    phi_gamma = cross(phi, gamma)
+    twist = add(cross(phi_rate, phi_gamma), cross(phi, cross(phi_rate, gamma)))
+    slope = strain_slope(16.0 * x * q * q) * dot(phi, phi_rate)
+    chord_rate = add_scaled(chord_rate, -a, twist)
+    chord_rate = add_scaled(chord_rate, -slope, cross(phi, phi_gamma))
+    return unwind(chord_rate, phi, a, sinc_inverse), phi_rate

@@ -80,10 +80,9 @@ def test_single_precision_follows_double():
     [
         ({"gravity": None}, {"gravity": (0.0, 0.0, 0.0)}),
         ({"drag_rate": None}, {"drag_rate": 0.0}),
-        ({"internal_damping": None}, {"internal_damping": 0.0}),
         ({"spin_drag_rate": None}, {"spin_drag_rate": 0.0}),
     ],
-    ids=["gravity", "drag", "internal_damping", "spin_drag"],
+    ids=["gravity", "drag", "spin_drag"],
 )
 def test_an_absent_term_is_a_term_of_value_zero(absent, zero):
     field = fields(1)

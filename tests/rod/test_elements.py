@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from magrod_env.rod.helical import helical_loads, helical_strain, helical_stress, strain_slope
+from magrod_env.rod.helical import helical_loads, helical_strain, helical_strain_rates, helical_stress, strain_slope
 from magrod_env.rod.nodal import nodal_loads, nodal_strain
 from magrod_env.rod.planar import (
     planar_helical_loads,
@@ -14,7 +14,7 @@ from magrod_env.rod.planar import (
     planar_nodal_loads,
     planar_nodal_strain,
 )
-from rod.truth import exact_loads, exact_strains, helical_energy, nodal_energy
+from rod.truth import exact_loads, exact_strain_rates, exact_strains, helical_energy, nodal_energy
 
 LENGTH = 6e-3  # m
 STIFFNESS = EA, GA, GJ, EI = 4.6, 1.53, 3.06e-6, 4.59e-6  # about those of a polymer rod of 4 mm, N and N m^2
@@ -224,6 +224,50 @@ def test_strain_slope_is_twice_the_derivative_of_the_screw_series():
         for y in (1e-10, 1e-4, 0.1, 1.0, 5.0, np.pi**2):
             exact = 2 * mpmath.diff(a, mpmath.mpf(y))
             assert abs(strain_slope(y) / float(exact) - 1.0) < 2e-15
+
+
+# ---- strain rates
+
+VELOCITIES = RNG.normal(size=(2, 3)) * 0.3
+SPINS = RNG.normal(size=(2, 3)) * 20.0
+
+
+def rates(pose_a, pose_b, velocity_a, spin_a, velocity_b, spin_b):
+    gamma, phi, geometry = helical_strain(pose_a, pose_b, 1.0 / LENGTH)
+    motions = [tuple(float(x) for x in motion) for motion in (velocity_a, spin_a, velocity_b, spin_b)]
+    return helical_strain_rates(gamma, phi, geometry, *motions, 1.0 / LENGTH)
+
+
+@all_poses
+def test_helical_strain_rates_are_the_derivatives_of_the_strains(poses):
+    gamma_rate, phi_rate = rates(*poses, VELOCITIES[0], SPINS[0], VELOCITIES[1], SPINS[1])
+    want_gamma, want_phi = exact_strain_rates(*poses, LENGTH, VELOCITIES[1] - VELOCITIES[0], *SPINS)
+    size = np.abs(SPINS).max() * 5.0 + np.abs(VELOCITIES).max() / LENGTH
+    np.testing.assert_allclose(phi_rate, want_phi, atol=1e-14 * size)
+    np.testing.assert_allclose(gamma_rate, want_gamma, atol=1e-14 * size)
+
+
+@all_poses
+def test_stress_times_strain_rate_is_the_power_of_the_loads(poses):
+    gamma, phi, geometry = helical_strain(*poses, 1.0 / LENGTH)
+    stress, moment = (0.7, -0.3, 0.2), (1e-3, 2e-3, -1.5e-3)  # N, N m: any pair
+    force, torque_a, torque_b = helical_loads(gamma, phi, geometry, stress, moment, LENGTH)
+    gamma_rate, phi_rate = rates(*poses, VELOCITIES[0], SPINS[0], VELOCITIES[1], SPINS[1])
+    stored = LENGTH * np.dot(stress, gamma_rate) + np.dot(moment, phi_rate)
+    given = np.dot(force, VELOCITIES[0] - VELOCITIES[1]) + np.dot(torque_a, SPINS[0]) + np.dot(torque_b, SPINS[1])
+    np.testing.assert_allclose(given, -stored, rtol=1e-12, atol=1e-14)
+
+
+def test_a_rigid_motion_has_no_strain_rate():
+    (position_a, a), (position_b, b) = poses = POSES["moderate-strong-1"]
+    spin, velocity = np.array([3.0, -2.0, 5.0]), np.array([0.1, 0.2, -0.3])  # world
+    rotation_a, rotation_b = (Rotation.from_quat(np.roll(q, -1)) for q in (a, b))
+    velocity_b = velocity + np.cross(spin, np.subtract(position_b, position_a))
+    gamma_rate, phi_rate = rates(
+        *poses, velocity, rotation_a.inv().apply(spin), velocity_b, rotation_b.inv().apply(spin)
+    )
+    np.testing.assert_allclose(gamma_rate, 0.0, atol=1e-13)
+    np.testing.assert_allclose(phi_rate, 0.0, atol=1e-13)
 
 
 # ---- the plane

@@ -64,7 +64,8 @@ def test_second_order_in_time(scene, time_step):
         )
         ends.append(simulation.positions.ravel())
     changes = np.linalg.norm(np.diff(ends, axis=0), axis=1)
-    np.testing.assert_allclose(np.log2(changes[:-1] / changes[1:]), 2.0, atol=0.1)
+    tolerance = 0.1 if scene.internal_damping is None else 0.25  # it acts once in eight steps
+    np.testing.assert_allclose(np.log2(changes[:-1] / changes[1:]), 2.0, atol=tolerance)
 
 
 @pytest.mark.parametrize("parts", [1, 7])
@@ -251,7 +252,7 @@ def test_two_magnets_follow_the_spectral_solution():
 
 
 def test_error_in_space_falls_faster_than_the_third_power_of_the_element():
-    """Over half a second against the spectral solution, with steps too short to matter; 3.5, then 2.9, were found."""
+    """Over half a second against the spectral solution, with steps too short to matter."""
     errors = [tip_error("free_decay", SOFT, n, until=0.5, time_step=1e-5) for n in (5, 10, 20)]
     assert np.log2(np.array(errors[:-1]) / errors[1:]).min() > 2.7
     assert np.log2(errors[0] / errors[-1]) / 2 > 3.0

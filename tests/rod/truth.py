@@ -146,3 +146,19 @@ def exact_strains(pose_a, pose_b, length):
     with mpmath.workdps(DIGITS):
         gamma, phi = helical_strains(*frames_and_difference(pose_a, pose_b), mpmath.mpf(float(length)))
         return np.array([float(x) for x in gamma]), np.array([float(x) for x in phi])
+
+
+def exact_strain_rates(pose_a, pose_b, length, velocity, spin_a, spin_b):
+    """Rates of the helical element's strains; ``velocity`` of b relative to a (world), spins in the body frames."""
+    with mpmath.workdps(DIGITS):
+        frame_a, frame_b, difference = frames_and_difference(pose_a, pose_b)
+        spin_a, spin_b, velocity = exact(spin_a), exact(spin_b), exact(velocity)
+        h = mpmath.mpf(float(length))
+
+        def strains(time):
+            a, b = frame_a * exponential(time * spin_a), frame_b * exponential(time * spin_b)
+            return helical_strains(a, b, difference + time * velocity, h)
+
+        after, before = strains(STEP), strains(-STEP)
+        rates = [(after[k] - before[k]) / (2 * STEP) for k in range(2)]
+        return tuple(np.array([float(x) for x in rate]) for rate in rates)
