@@ -254,7 +254,11 @@ def test_wrong_number_of_seeds(seed):
     check_sentence(error, "seed", "3", str(len(seed)))
 
 
-@pytest.mark.parametrize("seed", [-1, 1.5, NAN, True, "one", "ab", {1, 2}, object(), [0, "x"], [[0], [1]]], ids=str)
+@pytest.mark.parametrize(
+    "seed",
+    [-1, 1.5, NAN, True, "one", "ab", {1, 2}, object(), [0, "x"], [[0], [1]]],
+    ids=lambda seed: "object" if type(seed) is object else str(seed),
+)
 @pytest.mark.parametrize("kind", ["single", "vector"])
 def test_bad_seed(seed, kind):
     env = MagRodEnv("reach", num_elements=3) if kind == "single" else MagRodVectorEnv("reach", 2, num_elements=3)

@@ -189,7 +189,9 @@ def test_wrong_views_and_sizes_are_named():
 
 
 @pytest.mark.parametrize(
-    "value", [float("nan"), 1e300, -1, True, "x", set(), [], [1], {}, object(), (960, 480.5)], ids=str
+    "value",
+    [float("nan"), 1e300, -1, True, "x", set(), [], [1], {}, object(), (960, 480.5)],
+    ids=lambda value: "object" if type(value) is object else str(value),
 )
 def test_views_and_sizes_of_a_wrong_kind_are_named(value):
     with pytest.raises(ValueError, match="views must be"):
