@@ -15,12 +15,13 @@ SHARES: dict[str, tuple[float, ...]] = {
 """Midpoint steps, in shares of a time step, that an implicit scheme is made of."""
 MIDPOINT_COST = 20.0  # explicit steps that take as long as an implicit midpoint step: 14 to 30, measured
 STEPS_A_PERIOD = {"implicit": 64.0, "implicit4": 12.0}  # of the slowest vibration: its phase errs by 8e-4, 7e-5
+CHAIN = 1.2024  # half of the first zero of the Bessel function J0
 DAMPED_STEP = 2.0  # of implicit4, over the time of a drag: its middle share goes back in time
 
 
 def implicit_schemes(scene: Scene) -> tuple[str, ...]:
     """Those that can step the scene, the most exact first."""
-    return ("implicit",) if scene.internal_damping is not None else ("implicit4", "implicit")
+    return ("implicit",) if scene.damping_time is not None else ("implicit4", "implicit")
 
 
 def check_integrator(
@@ -48,7 +49,7 @@ def check_integrator(
     if integrator not in implicit_schemes(scene):
         raise ValueError(
             'internal_damping must be None with integrator="implicit4", part of whose step goes back in time, but got '
-            f'{scene.internal_damping!r}: use integrator="implicit".'
+            f'{scene.damping_time!r}: use integrator="implicit".'
         )
     return integrator
 
@@ -64,6 +65,10 @@ def largest_step(integrator: str, drag_rate: float | None, spin_drag_rate: float
     return DAMPED_STEP / rate if integrator == "implicit4" and rate > 0.0 else math.inf
 
 
-def working_step(integrator: str, frequency: float, largest: float) -> float:
-    """Step, s, of an implicit scheme for a rod whose slowest vibration has this frequency, Hz."""
+def working_step(integrator: str, frequency: float, largest: float, pull: float = 0.0) -> float:
+    """Step, s, of an implicit scheme for a rod whose slowest vibration has this frequency, Hz.
+
+    ``pull`` is gravity over the length, 1/s^2: a limp rod swings at the 1.2 sqrt(pull) of a hanging chain.
+    """
+    frequency = math.hypot(frequency, CHAIN * math.sqrt(pull) / (2.0 * math.pi))
     return min(1.0 / (STEPS_A_PERIOD[integrator] * frequency), largest)

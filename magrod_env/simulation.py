@@ -41,6 +41,8 @@ PRECISIONS = ("float64", "float32")
 SAFETY = 0.4  # of the bound, for a step that is left to us: sudden fields ring, and bends shift the bound
 LARGEST_LOCKING = 1.05  # of bending stiffness by the paper's element, before a warning
 WATCH_EVERY = 256  # steps
+SAFE_PULLED = 0.5  # of the bound under tension
+THIRD_MODE = 17.55  # times the first frequency of a cantilever
 FIELD_AHEAD = (1.5, 1.1, 1.0)  # times a new strongest field: the step is checked as far ahead as it is stable
 LARGEST_FIELD = 1e6  # T, beyond any: its squares and the energies that it makes stay finite
 SHORTEST_STEP = 1e-15  # of the stable one: in a shorter one rounding swallows all motion of the rod
@@ -135,10 +137,10 @@ class Simulation:
         _check_choice("on_failure", on_failure, ("raise", "report"))
         check_plane(scene, plane)
         scheme = check_integrator(integrator, scene, element=element, precision=precision, tolerance=tolerance)
-        if element == "nodal" and scene.internal_damping is not None:
+        if element == "nodal" and scene.damping_time is not None:
             raise ValueError(
                 'internal_damping must be None with element="nodal", which the paper has without it, '
-                f'but got {scene.internal_damping!r}: use element="helical".'
+                f'but got {scene.damping_time!r}: use element="helical".'
             )
         self.scene, self.num_rods, self.element = scene, num_rods, element
         self.precision, self.plane, self.on_failure = precision, plane, on_failure
@@ -184,6 +186,10 @@ class Simulation:
         self._state = BatchState(self._batch)
         self._static = StaticModel(self._values, self._batch.counts, segments, element == "nodal", scene.gravity)
         self._time = self._strongest = self._safe_field = 0.0
+        self._safe_pull, self._own_step = 0.0, False
+        self._driven = self._shaking = self._shaken_at = 0.0
+        third = THIRD_MODE * 2.0 * math.pi * scene.first_frequency
+        self._fading = 0.5 * (scene.drag_rate or 0.0) + 0.5 * (scene.damping_time or 0.0) * third**2  # 1/s
         self._told_of_coarse = on_failure != "raise"
         self._chosen_for = -1.0 if tolerance is None else self.expected_field  # T
         self._weight_load = relative_load(scene, 0.0)
@@ -231,6 +237,18 @@ class Simulation:
             return largest_step(self.integrator, self.scene.drag_rate, self._spin_drag_rate)
         return self._static.stable_time_step(field_magnitude, self.plane)
 
+    def stable_time_step_at(self, equilibrium: Equilibrium) -> float:
+        """Largest stable time step, s, of small motions about an equilibrium of this simulation, tension and bend
+        included; infinite with an implicit integrator.
+
+        Raises:
+            ValueError: if it was not reached, or is none of this simulation.
+        """
+        self._check_start(equilibrium)
+        if self.integrator != "explicit":
+            return self.stable_time_step
+        return self._static.stable_time_step_at(equilibrium, self.plane)
+
     def _checked_step(self, time_step: float | None) -> float:
         if time_step is None:
             return _sound_step(self._step_of_the_scene)
@@ -255,7 +273,8 @@ class Simulation:
     def _step_of_the_scene(self) -> float:
         """Step, s, where nothing is said."""
         if self.integrator != "explicit":
-            return working_step(self.integrator, float(self.natural_frequencies()[0]), self.stable_time_step)
+            pull = float(np.linalg.norm(self.scene.gravity or (0.0, 0.0, 0.0))) / self.scene.rod.length
+            return working_step(self.integrator, float(self.natural_frequencies()[0]), self.stable_time_step, pull)
         strength = self.expected_field if self.scene.magnets else 0.0
         return SAFETY * self._static.working_time_step(strength, self.plane)
 
@@ -265,14 +284,31 @@ class Simulation:
         be off by more than a twentieth of its swing (an estimate: `resolution.elements_for`), or the element locks.
         False where a tolerance chose the elements for such fields.
         """
-        if self._strongest <= self._chosen_for:
+        if max(self._strongest, self._driven) <= self._chosen_for:
             return False
         return bool(self._locking > LARGEST_LOCKING) or self._elements_needed > self.num_elements
 
     @property
     def _elements_needed(self) -> int:
-        load = self._weight_load + self._load_per_tesla * self._strongest
+        load = self._weight_load + self._load_per_tesla * max(self._strongest, self._driven)
         return math.ceil(self.num_elements * elements_for(load, self._longest_element))
+
+    def _feel_changes(self, fields: np.ndarray, times: np.ndarray) -> None:
+        """Add sudden changes of the field, by more than half of the strongest, to what keeps the rod swinging.
+
+        Their squares add up, since each finds the rod at another point of its swing, and die with the damping of a
+        vibration three modes up: `_driven` is the field, T, of one step that would excite the rod as much.
+
+        Args:
+            fields: T, (K, num_rods, 3), after the present one.
+            times: when they begin to act, s, (K,).
+        """
+        changes = np.linalg.norm(np.diff(fields, axis=0, prepend=self._field[None]), axis=-1).max(axis=-1)
+        for k in np.flatnonzero(changes > 0.5 * self._strongest):
+            fade = math.exp(-2.0 * self._fading * max(times[k] - self._shaken_at, 0.0))
+            self._shaking = fade * self._shaking + float(changes[k]) ** 2
+            self._shaken_at = float(times[k])
+            self._driven = max(self._driven, math.sqrt(self._shaking))
 
     def _tell_of_coarse(self) -> None:
         """Warn, once, that the elements may be too few."""
@@ -283,7 +319,9 @@ class Simulation:
             problem = f"{self.num_elements} nodal elements lock: the rod bends as if EI were {self._locking:.3g} times"
             advice = 'use element="helical", or frequency_shaping'
         else:
-            problem = f"{self.num_elements} elements may be too few for weight and a field of {self._strongest:.3g} T"
+            sudden = " that changes suddenly" if self._driven > 1.01 * self._strongest else ""
+            loads = f"weight and a field of {self._strongest:.3g} T{sudden}"
+            problem = f"{self.num_elements} elements may be too few for {loads}"
             advice = f"use {self._elements_needed} or more, or a tolerance, or slow fields"
         warnings.warn(f"{problem}: {advice} (docs/resolution.md).", CoarseWarning, stacklevel=3)
 
@@ -295,6 +333,7 @@ class Simulation:
             positions: of the nodes, m, (num_rods, num_nodes, 3), where not the present ones.
         """
         if self.scene.magnets and gradients.any():
+            self._check_pull(float(np.abs(gradients).max()))
             places = (self.positions if positions is None else positions)[:, list(self.magnet_nodes)]
             places = np.nan_to_num(places)  # of rods that have failed
             fields = fields[..., None, :] + np.einsum("...rij,rmj->...rmi", gradients, places)
@@ -302,6 +341,20 @@ class Simulation:
         if self.scene.magnets and largest > self._safe_field:
             self._safe_field = self._safe_reach(largest)
         self._strongest = max(self._strongest, largest)
+
+    def _check_pull(self, largest: float) -> None:
+        """Shorten a step left to us where a gradient of up to `largest` T/m pulls the rod taut; refuse a given one."""
+        if self.integrator != "explicit" or largest <= self._safe_pull:
+            return
+        bound = self._static.stable_time_step(self._strongest, self.plane, 1.5 * largest)
+        if self._own_step and self.time_step > SAFE_PULLED * bound:
+            self._time_step = SAFE_PULLED * bound
+        if self.time_step > bound:
+            raise ValueError(
+                f"time_step must be at most {bound:.3g} s in a gradient of {largest:.3g} T/m, which pulls the rod "
+                f"taut, but is {self.time_step:.3g} s: give Simulation a smaller time_step."
+            )
+        self._safe_pull = 1.5 * largest
 
     def _safe_reach(self, largest: float) -> float:
         """A field, T, of at least `largest` in which the step is stable."""
@@ -322,6 +375,7 @@ class Simulation:
     @time_step.setter
     def time_step(self, step: float | None) -> None:
         self._time_step, self._safe_field = self._checked_step(step), 0.0
+        self._safe_pull, self._own_step = 0.0, step is None
 
     # ---- running
 
@@ -363,7 +417,7 @@ class Simulation:
         except ValueError:
             self._strongest = before
             raise
-        self._time = 0.0
+        self._time = self._driven = self._shaking = self._shaken_at = 0.0
         self._batch.status[:] = 0
         self._put_field(fields)
         self._put_gradient(slopes)
@@ -507,6 +561,7 @@ class Simulation:
     def _step(self, count: int, step: float, fields: np.ndarray | None) -> None:
         table = None
         if fields is not None:
+            self._feel_changes(fields, self._time + step * np.arange(count))
             self._field = fields[-1]
             table = self._batch.field_table(fields)
         if self.integrator == "explicit":
@@ -585,6 +640,7 @@ class Simulation:
         """Let a field (num_rods, 3) T and a gradient (num_rods, 3, 3) T/m act from now on, or leave all as it is."""
         self._check_strength(field, gradient)
         if field is not self._field:
+            self._feel_changes(field[None], np.array([self._time]))
             self._put_field(field)
         if gradient is not self._gradient:
             self._put_gradient(gradient)

@@ -37,7 +37,7 @@ def scene_terms(scene: Scene, rotary_scaling: float) -> dict[str, Any]:
         "gravity": scene.gravity,
         "drag_rate": scene.drag_rate,
         "spin_drag_rate": scaled_spin_drag(scene, rotary_scaling),
-        "internal_damping": scene.internal_damping,
+        "internal_damping": scene.damping_time,
     }
 
 
