@@ -372,8 +372,8 @@ class Scene:
         mass = rod.mass_per_length * rod.length / (i + j + 1.0)
         for magnet in self.magnets:
             mass = mass + magnet.mass * (magnet.position / rod.length) ** (i + j)
-        root = np.linalg.inv(np.linalg.cholesky(mass))
-        return float(np.sqrt(np.linalg.eigvalsh(root @ stiffness @ root.T)[0]) / (2.0 * math.pi))
+        root = np.linalg.inv(np.linalg.cholesky(stiffness))
+        return float(1.0 / (2.0 * math.pi * np.sqrt(np.linalg.eigvalsh(root @ mass @ root.T)[-1])))
 
     @property
     def segment_ends(self) -> tuple[float, ...]:

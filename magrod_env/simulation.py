@@ -889,8 +889,9 @@ def _lost(case: Equilibrium, scene: Scene) -> str:
     lost = "the rod loses stability (it buckles or snaps through)"
     if case.strained:
         return (
-            "an equilibrium must not strain any element by more than half nor bend it by a half turn, but under "
-            f"gravity and {case.field.tolist()} T it does: use more elements, or a stiffer rod or weaker loads."
+            "an equilibrium must not stretch an element by more than half, shear it by more than 0.8 or bend it by a "
+            f"half turn, but under gravity and {case.field.tolist()} T it does: use more elements, a stiffer "
+            "rod or weaker loads."
         )
     if case.share < 1.0:
         return (

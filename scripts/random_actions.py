@@ -1,8 +1,8 @@
 """How far the environments' resolution is from a rod of many elements under random actions.
 
-`python -m scripts.random_actions [--quick] [--json FILE]`: tip errors in mm of rods whose field is drawn anew, uniformly
-within the coils' limits, at every control step; how far the tip moves where all loads change by 1e-4; and the same with
-coils that lag and a rod with internal damping.
+`python -m scripts.random_actions [--quick] [--json FILE]`: tip errors in mm of rods whose field is drawn anew, evenly
+within the coils' limits, at every control step; how far the tip moves where all loads change by 1e-4; and the same
+with coils that lag and a rod with internal damping.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def measure(report: Report, name: str, lag: float | None, damping: float | None,
     table = Table(
         f"Random actions, {name}: distance of the tip from that of {FINEST} elements, mm",
         ("rod", "first 10 control steps", f"all {steps}", f"loads changed by {CHANGE:g}, all {steps}"),
-        note=f"RMS over {actions.shape[1]} rods; the last column is the distance from the same rod under its own loads.",
+        note=f"RMS over {actions.shape[1]} rods; last column: distance from the same rod under its own loads.",
     )
     for label, settings in tqdm(SETTINGS.items(), desc=name, leave=False):
         run = tips(scene, actions, lag, **settings)

@@ -14,11 +14,9 @@ SIDEWAYS = (0.0, 0.0, 20e-3)  # T
 
 
 def test_a_rod_that_is_pulled_taut_stretches_by_the_closed_form():
-    """F = m dB/dx = 0.02 N; the step, left to the simulation, is shortened for it."""
-    simulation = Simulation(PULLED.replace(drag_rate=20.0), num_elements=6, expected_field=0.0)
-    before = simulation.time_step
+    """F = m dB/dx = 0.02 N."""
+    simulation = Simulation(PULLED.replace(drag_rate=20.0), num_elements=6)
     simulation.advance(2.0, field=(0.0, 0.0, 0.0), gradient=PULL)
-    assert simulation.time_step < before
     area = np.pi * 1e-3**2 / 4.0
     np.testing.assert_allclose(simulation.tip_position[0], [0.1 * (1.0 + 0.02 / (1e6 * area)), 0.0, 0.0], atol=1e-7)
 

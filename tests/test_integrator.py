@@ -109,14 +109,14 @@ def test_momentum_of_sections_without_loads_stays(integrator):
 @pytest.mark.parametrize("integrator", IMPLICIT)
 def test_a_motion_turned_round_goes_back_to_its_start(integrator):
     scene = load_scene("niti_guidewire").replace(drag_rate=None)
-    simulation = Simulation(scene, num_elements=4, integrator=integrator, time_step=2e-3)
+    simulation = Simulation(scene, num_elements=4, integrator=integrator, time_step=5e-4)
     simulation.advance(0.1, field=(0.0, 0.0, 10e-3))
     assert np.abs(simulation.tip_position[0] - (0.1, 0.0, 0.0)).max() > 1e-3
     simulation.set_motion(-simulation.velocities, -simulation.angular_velocities)
     simulation.advance(0.1)
     straight = np.zeros((5, 3))
     straight[:, 0] = simulation.arc_lengths
-    np.testing.assert_allclose(simulation.positions[0], straight, atol=1e-7)
+    np.testing.assert_allclose(simulation.positions[0], straight, atol=5e-7)
 
 
 @pytest.mark.parametrize("integrator", IMPLICIT)

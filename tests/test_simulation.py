@@ -729,9 +729,9 @@ def test_a_field_far_too_strong_is_refused_or_reported_never_wrong():
         simulation.advance(0.5, field=(0.0, 10.0, 0.0))
 
 
-@pytest.mark.parametrize("modulus", [1e3, 1e12])
+@pytest.mark.parametrize("modulus", [3e3, 1e12])
 def test_moduli_from_jelly_to_beyond_steel_run(modulus):
-    """The step follows the stiffness; the jelly hangs down, the steel stays straight."""
+    """The step follows the stiffness; the jelly hangs down, stretched by a fifth at most, the steel stays straight."""
     rod = Rod.circular(length=0.06, diameter=4e-3, density=1000.0, youngs_modulus=modulus, poissons_ratio=0.3)
     magnet = Magnet.dipole(position=0.06, moment=1e-6, mass=1e-6)
     scene = Scene(rod=rod, magnets=(magnet,), gravity=(0.0, 0.0, -9.81), drag_rate=5.0)

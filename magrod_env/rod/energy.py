@@ -33,6 +33,7 @@ from magrod_env.rod.so3 import dot, matrix, rotate
 KINETIC, ELASTIC, GRAVITATIONAL, MAGNETIC, STRAIN = range(5)  # rows of what ``measure_blocks`` returns
 OK, NOT_FINITE, BENT, STRETCHED, ENERGETIC = range(5)  # status of a rod
 LARGEST_STRAIN = 0.5
+SHEAR_SHARE = LARGEST_STRAIN / 0.8  # sudden loads shear coarse elements by more than half
 
 
 @inline_jit
@@ -48,8 +49,8 @@ def stretch_energy(gamma, axial, shear, planar):
 def element_energy(block, layout, element, pose_a, pose_b, lanes, planar, nodal):
     """Elastic energy (J) of one element and the square of its strain.
 
-    That is the stretch of its chord or, of the helical element, the shear if it is larger; the nodal element's shear
-    holds half of its bend.
+    That is the stretch of its chord or, of the helical element, SHEAR_SHARE of the shear if that is larger; the nodal
+    element's shear holds half of its bend.
     """
     row = layout.elements + ELEMENT_ROWS * element
     length, inverse_length = load(block, row + LENGTH, lanes), load(block, row + INVERSE_LENGTH, lanes)
@@ -64,7 +65,7 @@ def element_energy(block, layout, element, pose_a, pose_b, lanes, planar, nodal)
             energy = planar_helical_energy(gamma, phi, length, stiffness)
             across = gamma[1] * gamma[1]
         along = square_root(gamma[0] * gamma[0] + across) - 1.0
-        return energy, maximum(along * along, across)
+        return energy, maximum(along * along, SHEAR_SHARE * SHEAR_SHARE * across)
     axial, shear = load(block, row + AXIAL, lanes), load(block, row + SHEAR, lanes)
     bending = load(block, row + BENDING, lanes)
     if planar is None:
@@ -147,11 +148,11 @@ def measure_blocks(blocks, first, last, layout, terms, out):
 def watch_blocks(blocks, first, last, layout, terms, measures, travel, status):
     """Look at every rod of some blocks: status codes into ``status`` (num_rods,), 0 where all is well.
 
-    NOT_FINITE: a NaN or an infinity. BENT: one element has turned by pi or more. STRETCHED: an element's stretch,
-    squeeze or shear passed one half. ENERGETIC: the energy rose by more than the field can have put in, |m| times the
-    sum of the field's changes ``travel`` (num_rods,) T, plus a tenth of itself: the mark of a finite but unstable run.
-    It is counted from the least energy so far, so that many small rises add up. Once set, a status stays. ``measures``
-    (num_blocks, 5 * L) is filled by ``measure_blocks``.
+    NOT_FINITE: a NaN or an infinity. BENT: one element has turned by pi or more. STRETCHED: an element's stretch or
+    squeeze passed one half, or its shear 0.8. ENERGETIC: the energy rose by more than the field can have put in, |m|
+    times the sum of the field's changes ``travel`` (num_rods,) T, plus a tenth of itself: the mark of a finite but
+    unstable run. It is counted from the least energy so far, so that many small rises add up. Once set, a status
+    stays. ``measures`` (num_blocks, 5 * L) is filled by ``measure_blocks``.
     """
     lanes = len(terms.lanes)
     measure_blocks(blocks, first, last, layout, terms, measures)

@@ -7,7 +7,7 @@ import numpy as np
 
 from magrod_env._jit import PRESENT
 from magrod_env.rod import stability
-from magrod_env.rod.energy import LARGEST_STRAIN
+from magrod_env.rod.energy import LARGEST_STRAIN, SHEAR_SHARE
 from magrod_env.rod.layout import Terms, make_blocks, make_layout, rows_of
 from magrod_env.rod.mesh import RodValues, write_rod
 from magrod_env.rod.state import rotation_matrices
@@ -32,8 +32,8 @@ class Equilibrium:
             of field and gradient, or of the way to them; from a shape that came to no stable rest, 1.
         field: T, world, at the origin, (3,): what was asked for.
         gradient: T/m, dB_i/dx_j, (3, 3): what was asked for.
-        strained: whether an element is stretched, squeezed or sheared by more than half or bent by a half turn, so that
-            it is no result, and counts as not reached.
+        strained: whether an element is stretched or squeezed by more than half, sheared by more than 0.8 or bent by a
+            half turn, so that it is no result, and counts as not reached.
     """
 
     positions: np.ndarray
@@ -170,8 +170,8 @@ class StaticModel:
         return Equilibrium(positions, quaternions, bool(reached) and not strained, float(share), *loads, strained)
 
     def _strain(self, positions, quaternions) -> float:
-        """Largest stretch or squeeze of an element's chord or, of helical elements, its sine of the angle to the
-        middle section; infinite where an element is bent by a half turn or more.
+        """Largest stretch or squeeze of an element's chord or, of helical elements, SHEAR_SHARE of its shear against
+        the middle section; infinite where an element is bent by a half turn or more.
         """
         lengths = np.diff(self.straight()[0][:, 0])
         chords = np.diff(positions, axis=0) / lengths[:, None]
@@ -183,7 +183,7 @@ class StaticModel:
             return float(stretch)
         middle = quaternions[1:] + quaternions[:-1]
         normal = rotation_matrices(middle / np.linalg.norm(middle, axis=1, keepdims=True))[..., 0]
-        return float(max(stretch, np.linalg.norm(np.cross(normal, chords), axis=1).max()))
+        return float(max(stretch, SHEAR_SHARE * np.linalg.norm(np.cross(normal, chords), axis=1).max()))
 
     def _flow_step(self, positions, quaternions, loads, rate: float):
         """Change (6 N,) of the degrees of freedom in a step of 1/``rate`` of the flow; None where it has no minimum."""

@@ -11,7 +11,7 @@ Derived in docs/physics.md; every force is checked against the gradient of the e
 """
 
 from magrod_env._jit import inline_jit
-from magrod_env._simd import square_root
+from magrod_env._simd import maximum, minimum, square_root
 from magrod_env.rod.so3 import (
     add,
     add_scaled,
@@ -25,6 +25,8 @@ from magrod_env.rod.so3 import (
     scale,
     subtract,
 )
+
+LEAST_SHEAR, LARGE = 0.1, 1e30
 
 
 @inline_jit
@@ -85,11 +87,16 @@ def section_state(gamma, phi, inverse_length, stiffness):
     S = GA - EA (1 - 1/L), with the stretch L = |gamma|; and q = (EI - GJ) phi_1 phi/h^2 drives it where the rod twists.
     The minimum of S s^2 + T z^2 - 2 q.z has (T + S gamma_1^2) z = S gamma_1 gamma + q.
 
-    Returns 1/L, S, the transverse parts of z and s, h q/kappa, and the axial strain.
+    S L stays above LEAST_SHEAR GA, where a rod is stretched by almost half.
+
+    Returns 1/L, S, the transverse parts of z and s, h q/kappa, the axial strain and -L^2 dS/dL.
     """
     axial, shear, bending, torsion, tilting, sway = stiffness
     stretch = square_root(dot(gamma, gamma))
-    section = axial + (shear - axial) * stretch  # S L
+    least = LEAST_SHEAR * shear
+    firm = axial + (shear - axial) * stretch - least
+    section = least + maximum(firm, 0.0 * shear)  # S L
+    softens = least + (axial - least) * minimum(maximum(LARGE * firm, 0.0 * shear), 1.0 + 0.0 * shear)  # -L^2 dS/dL
     leaning = section * gamma[0]
     stiff = tilting * stretch + leaning * gamma[0]  # (T + S gamma_1^2) L
     both = 1.0 / (stretch * stiff)
@@ -100,7 +107,7 @@ def section_state(gamma, phi, inverse_length, stiffness):
     bent = tilting * stretch
     tilt = flexible * (leaning * gamma[1] + slope[0]), flexible * (leaning * gamma[2] + slope[1])
     left = flexible * (bent * gamma[1] - gamma[0] * slope[0]), flexible * (bent * gamma[2] - gamma[0] * slope[1])
-    return inverse_stretch, inverse_stretch * section, tilt, left, turn, stretch - 1.0
+    return inverse_stretch, inverse_stretch * section, tilt, left, turn, (stretch - 1.0, softens)
 
 
 @inline_jit
@@ -110,9 +117,9 @@ def helical_stress(gamma, phi, length, inverse_length, stiffness):
     """
     axial, shear, bending, torsion, tilting, sway = stiffness
     inverse_stretch, section, tilt, left, turn, extension = section_state(gamma, phi, inverse_length, stiffness)
-    tension = axial * extension
+    tension, softens = axial * extension[0], extension[1]
     square = inverse_stretch * inverse_stretch * (left[0] * left[0] + left[1] * left[1])
-    pull = inverse_stretch * (tension - 0.5 * axial * square)
+    pull = inverse_stretch * (tension - 0.5 * softens * square)
     across = section * left[0], section * left[1]
     curl = sway * (gamma[1] * phi[2] - gamma[2] * phi[1])
     stress = (
@@ -138,7 +145,7 @@ def helical_energy(gamma, phi, length, inverse_length, stiffness):
     curl = gamma[1] * phi[2] - gamma[2] * phi[1]
     bend = torsion * phi[0] * phi[0] + bending * (phi[1] * phi[1] + phi[2] * phi[2])
     twist = turn * (tilt[0] * phi[1] + tilt[1] * phi[2])
-    return 0.5 * (length * (axial * extension * extension + across - sway * curl * curl) + bend) - twist
+    return 0.5 * (length * (axial * extension[0] * extension[0] + across - sway * curl * curl) + bend) - twist
 
 
 @inline_jit

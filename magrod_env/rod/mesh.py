@@ -166,7 +166,9 @@ def write_rod(rows, lane, layout, counts, values, planar, nodal):
             corrected = values.shear * tilting / (values.shear + tilting)
             tilted = corrected / tilting
             rows[row + TILT, lane] = tilting
-            rows[row + SWAY, lane] = corrected * (tilted / 30.0 + corrected / (12.0 * values.axial))
+            rows[row + SWAY, lane] = corrected * (
+                tilted / 30.0 + corrected / (12.0 * max(values.axial, 2.0 * values.shear))
+            )
     for magnet in range(len(layout.magnet_nodes)):
         for axis in range(3):
             rows[layout.magnets + 3 * magnet + axis, lane] = values.magnet_moments[magnet, axis]

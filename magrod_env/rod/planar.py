@@ -6,8 +6,8 @@ rotation.py with every out-of-plane number left out.
 """
 
 from magrod_env._jit import inline_jit
-from magrod_env._simd import square_root
-from magrod_env.rod.helical import strain_slope
+from magrod_env._simd import maximum, minimum, square_root
+from magrod_env.rod.helical import LARGE, LEAST_SHEAR, strain_slope
 from magrod_env.rod.so3 import half_angle_series
 
 
@@ -70,12 +70,15 @@ def planar_section_state(gamma, stiffness):
     """1/L, S, tilt, the shear that it leaves, and axial strain (see ``section_state``)."""
     axial, shear, bending, tilting, sway = stiffness
     stretch = square_root(gamma[0] * gamma[0] + gamma[1] * gamma[1])
-    section = axial + (shear - axial) * stretch
+    least = LEAST_SHEAR * shear
+    firm = axial + (shear - axial) * stretch - least
+    section = least + maximum(firm, 0.0 * shear)
+    softens = least + (axial - least) * minimum(maximum(LARGE * firm, 0.0 * shear), 1.0 + 0.0 * shear)
     leaning, bent = section * gamma[0], tilting * stretch
     stiff = bent + leaning * gamma[0]
     both = 1.0 / (stretch * stiff)
     inverse_stretch, flexible = both * stiff, both * (stretch * gamma[1])
-    return inverse_stretch, inverse_stretch * section, flexible * leaning, flexible * bent, stretch - 1.0
+    return inverse_stretch, inverse_stretch * section, flexible * leaning, flexible * bent, (stretch - 1.0, softens)
 
 
 @inline_jit
@@ -83,8 +86,9 @@ def planar_helical_stress(gamma, phi, length, stiffness):
     """Stress and moment conjugate to ``gamma`` and ``phi`` (see ``helical_stress``)."""
     axial, shear, bending, tilting, sway = stiffness
     inverse_stretch, section, tilt, left, extension = planar_section_state(gamma, stiffness)
-    tension, leant = axial * extension, inverse_stretch * left
-    pull = inverse_stretch * (tension - 0.5 * axial * (leant * leant))
+    tension, softens = axial * extension[0], extension[1]
+    leant = inverse_stretch * left
+    pull = inverse_stretch * (tension - 0.5 * softens * (leant * leant))
     across, curl = section * left, sway * (gamma[1] * phi)
     along = pull * gamma[0] - tilt * across
     return (
@@ -100,7 +104,7 @@ def planar_helical_energy(gamma, phi, length, stiffness):
     inverse_stretch, section, tilt, left, extension = planar_section_state(gamma, stiffness)
     curl = gamma[1] * phi
     across = section * left * left + tilting * tilt * tilt - sway * curl * curl
-    return 0.5 * (length * (axial * extension * extension + across) + bending * phi * phi)
+    return 0.5 * (length * (axial * extension[0] * extension[0] + across) + bending * phi * phi)
 
 
 @inline_jit

@@ -7,7 +7,7 @@ import pytest
 from rollouts import FEW, assert_same, run, scripted_actions
 
 from magrod_env.envs import MagRodEnv, MagRodVectorEnv, Randomization
-from magrod_env.rod.layout import AXIAL, DRAG, GRAVITY, LENGTH
+from magrod_env.rod.layout import AXIAL, DRAG, ELEMENT_ROWS, GRAVITY, LENGTH
 
 scipy_stats = pytest.importorskip("scipy.stats")
 pytestmark = pytest.mark.filterwarnings("error")
@@ -97,7 +97,8 @@ def test_middle_magnet_moves_and_the_tip_magnet_does_not():
     core = batch_of("two_magnet", magnet_position=3e-3).core
     layout = core.batch.layout
     lengths = np.stack(
-        [core.batch.gather(layout.elements + 6 * e + LENGTH, 1)[:, 0] for e in range(core.num_elements)], axis=1
+        [core.batch.gather(layout.elements + ELEMENT_ROWS * e + LENGTH, 1)[:, 0] for e in range(core.num_elements)],
+        axis=1,
     )
     np.testing.assert_allclose(lengths.sum(axis=1), core.scene.rod.length, rtol=1e-12)
     middle_node = min(layout.magnet_nodes)
@@ -209,7 +210,7 @@ def test_moved_magnet_moves_like_a_scene_with_it_there():
     actions = scripted_actions(env.action_space, 10, overdrive=1.0)
     got, core = rolled(env, actions), env.core
     node = min(core.batch.layout.magnet_nodes)
-    place = sum(core.batch.gather(core.batch.layout.elements + 6 * e + LENGTH, 1)[0, 0] for e in range(node))
+    place = sum(core.batch.gather(core.batch.layout.elements + ELEMENT_ROWS * e + LENGTH, 1)[0, 0] for e in range(node))
     magnets = tuple(
         dataclasses.replace(magnet, position=place) if magnet.position < core.scene.rod.length else magnet
         for magnet in core.scene.magnets

@@ -7,7 +7,7 @@ from magrod_env import Simulation, load_scene
 from magrod_env.estimation.damping_choice import DampingChoice
 from magrod_env.estimation.damping_law import bounded_share, damping_deviation, law_gain, paper_weights
 from magrod_env.estimation.history import Piece, state_rows
-from magrod_env.rod.layout import AXIAL, BENDING, SHEAR, TORSION
+from magrod_env.rod.layout import AXIAL, BENDING, SHEAR, SWAY, TORSION
 
 SCENE = load_scene("paper4_pdms_tip_magnet", modulus="effective")
 FRAME = 0.01
@@ -76,7 +76,7 @@ def test_sensitivity_of_a_free_mass_over_many_steps():
     options = dict(OPTIONS, num_elements=1, time_step=1e-4)
     model = Simulation(SCENE.replace(gravity=None), **options)
     model._batch.use_node_damping()
-    for stiffness in (AXIAL, SHEAR, BENDING, TORSION):
+    for stiffness in (AXIAL, SHEAR, BENDING, TORSION, SWAY):
         model._batch.rows[:, model._batch.layout.elements + stiffness] = 0.0
     velocity = np.array([0.05, 0.0, -0.2])
     model.set_motion(np.array([[[0, 0, 0], velocity]]))

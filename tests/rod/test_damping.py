@@ -173,12 +173,12 @@ def test_vibrations_decay_at_half_the_time_times_their_frequency_squared(loss, n
 
 def test_a_damped_run_is_of_second_order_in_time():
     """Whatever remains of a group of steps: none of these is a multiple of the group. A field that rises smoothly: a
-    sudden one excites motions that no step resolves.
+    sudden one excites motions that no step resolves; damping that is stiff against the span costs order, not accuracy.
     """
     scene = SOFT.replace(drag_rate=5.0)
 
     def tip(steps):
-        simulation = damped(scene, time_step=0.05 / steps)
+        simulation = damped(scene, time=5e-5, time_step=0.05 / steps)
         simulation.reset(field=(0.0, 0.0, 0.0))
         rise = FieldCourse(times=np.linspace(0.0, 0.05, 501), fields=RISE[:, None] * np.array([0.0, 5e-3, 8e-3]))
         simulation.advance(0.05, field=rise)

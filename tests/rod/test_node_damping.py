@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from magrod_env import Simulation, load_scene
-from magrod_env.rod.layout import AXIAL, BENDING, ELEMENT_ROWS, SHEAR, TORSION
+from magrod_env.rod.layout import AXIAL, BENDING, ELEMENT_ROWS, SHEAR, SWAY, TORSION
 
 SOFT = load_scene("paper4_pdms_tip_magnet")
 WEIGHTLESS = SOFT.replace(gravity=None)
@@ -35,7 +35,7 @@ def test_a_free_mass_slows_exponentially_along_each_axis(drag_rate):
     rates = np.array([2.0, -1.0, 40.0])  # 1/s
     simulation = damped(WEIGHTLESS.replace(drag_rate=drag_rate), 0.0, num_elements=1)
     simulation.on_failure = "report"  # without elasticity it stretches
-    for stiffness in (AXIAL, SHEAR, BENDING, TORSION):
+    for stiffness in (AXIAL, SHEAR, BENDING, TORSION, SWAY):
         simulation._batch.rows[:, simulation._batch.layout.elements + stiffness] = 0.0
     simulation._batch.set_node_damping(simulation.node_masses[..., None] * rates)
     simulation.set_motion(np.full((1, 2, 3), 0.1))

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from magrod_env import Simulation, load_scene
-from magrod_env.rod.layout import AXIAL, BENDING, SHEAR, TORSION
+from magrod_env.rod.layout import AXIAL, BENDING, SHEAR, SWAY, TORSION
 
 REFERENCE = np.load(Path(__file__).parents[1] / "reference" / "reference.npz")
 SOFT = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=0.0)
@@ -28,7 +28,7 @@ def free(simulation):
     """Cut the first element, so that the rest of the rod flies free; the watchdog would take it for stretched."""
     simulation.on_failure = "report"
     rows, first = simulation._batch.rows, simulation._batch.layout.elements
-    for stiffness in (AXIAL, SHEAR, BENDING, TORSION):
+    for stiffness in (AXIAL, SHEAR, BENDING, TORSION, SWAY):
         rows[:, first + stiffness] = 0.0
     return simulation
 

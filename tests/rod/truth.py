@@ -78,7 +78,7 @@ def helical_energy(frame_a, frame_b, difference, length, stiffness):
     gamma, phi = helical_strains(frame_a, frame_b, difference, length)
     kappa = phi / length
     stretch = mpmath.norm(gamma)
-    section = GA - EA * (stretch - 1) / stretch
+    section = max(GA - EA * (stretch - 1) / stretch, GA / (10 * stretch))
     tilting = 12 * EI / length**2
     corrected = 1 / (1 / GA + 1 / tilting)
     inside = (gamma[1] * phi[2] - gamma[2] * phi[1]) ** 2
