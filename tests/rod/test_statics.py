@@ -87,8 +87,8 @@ def test_an_end_load_converges_to_the_elastica_with_the_fourth_power(load_ratio)
         errors.append(np.linalg.norm(case.tip_position - exact) / thin.length)
     assert errors[1] < 4e-5 * load_ratio
     errors = np.array(errors)
-    orders = np.log2(errors[:-1] / errors[1:])
-    assert orders[errors[1:] > ROUNDING].min(initial=4.0) > 3.2  # 3.4 from N = 4 to 8 at the largest load
+    clear = errors[errors > ROUNDING]
+    assert len(clear) < 2 or np.log2(clear[0] / clear[-1]) / (len(clear) - 1) > 3.2  # errors change sign on the way
 
 
 # ---- buckling
