@@ -6,7 +6,8 @@ instruction, whatever the loop vectoriser thinks. Every lane is computed with th
 for every lane count; a batch therefore gives the same bits as single rods, and a rod that turns to NaN stays in its
 lane.
 
-Functions built only from arithmetic, :func:`square_root`, :func:`minimum` and :func:`maximum` also accept plain floats.
+Functions built only from arithmetic, :func:`square_root`, :func:`minimum`, :func:`maximum` and :func:`where_above` also
+accept plain floats.
 """
 
 import operator
@@ -139,6 +140,53 @@ def _extremum(name):
 
 minimum = intrinsic(_extremum("llvm.minnum"))
 maximum = intrinsic(_extremum("llvm.maxnum"))
+
+
+@intrinsic
+def where_above(typingctx, a, b, above, otherwise):
+    """``above`` where a > b, else ``otherwise``: all floats, or all lanes."""
+    if not _is_real(a) or not a == b == above == otherwise:
+        return None
+
+    def lower(context, builder, signature, arguments):
+        return builder.select(builder.fcmp_ordered(">", arguments[0], arguments[1]), arguments[2], arguments[3])
+
+    return a(a, b, above, otherwise), lower
+
+
+def _constant(context, kind, value):
+    """An LLVM constant of a real type."""
+    return ir.Constant(context.get_value_type(kind), [value] * kind.count if isinstance(kind, LaneType) else value)
+
+
+def polynomial(double, single):
+    """A polynomial of a float or of every lane, coefficients from the constant on; float32 lanes take ``single``.
+
+    Evaluated in pairs, then pairs of pairs (Estrin's scheme): the operations of a level do not wait for each other, as
+    those of Horner's scheme do.
+    """
+
+    @intrinsic
+    def evaluate(typingctx, x):
+        if not _is_real(x):
+            return None
+
+        def lower(context, builder, signature, arguments):
+            power = arguments[0]
+            table = single if getattr(x, "scalar", x) == types.float32 else double
+            terms = [_constant(context, x, value) for value in table]
+            while len(terms) > 1:
+                pairs = [
+                    builder.fadd(low, builder.fmul(power, high, flags=("contract",)), flags=("contract",))
+                    for low, high in zip(terms[::2], terms[1::2], strict=False)
+                ]
+                terms = pairs + terms[2 * len(pairs) :]
+                power = builder.fmul(power, power, flags=("contract",))
+            return terms[0]
+
+        return x(x), lower
+
+    return evaluate
 
 
 def _address(context, builder, array_type, array, index, vector):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from magrod_env._jit import jit
-from magrod_env._simd import constant, load, maximum, minimum, square_root, store
+from magrod_env._simd import constant, load, maximum, minimum, square_root, store, where_above
 
-LANE_COUNTS = {np.float64: (1, 8), np.float32: (1, 16)}
+LANE_COUNTS = {np.float64: (1, 8, 16), np.float32: (1, 16, 32)}
 CASES = [(dtype, lanes) for dtype, counts in LANE_COUNTS.items() for lanes in counts]
 
 
@@ -22,6 +22,7 @@ def arithmetic(block, out, lanes):
     store(out, 5, square_root(a), lanes)
     store(out, 6, minimum(a, b), lanes)
     store(out, 7, maximum(a, b), lanes)
+    store(out, 8, where_above(a, b, a, b), lanes)
 
 
 @jit
@@ -52,7 +53,7 @@ def fusable(block, out, lanes):
 @jit
 def scalars(a, b):
     """The functions that kernels share, on plain floats."""
-    return square_root(a), minimum(a, b), maximum(a, b), constant(3, a)
+    return square_root(a), minimum(a, b), maximum(a, b), where_above(a, b, b, a), constant(3, a)
 
 
 def numbers(rows, lanes, dtype, seed=0):
@@ -70,8 +71,8 @@ def run(kernel, rows, values, *arguments):
 @pytest.mark.parametrize(("dtype", "lanes"), CASES)
 def test_every_operation_equals_numpy_bit_for_bit(dtype, lanes):
     a, b = values = numbers(2, lanes, dtype)
-    expected = [a + b, a - b, a * b, a / b, -a, np.sqrt(a), np.minimum(a, b), np.maximum(a, b)]
-    np.testing.assert_array_equal(run(arithmetic, 8, values), expected)
+    expected = [a + b, a - b, a * b, a / b, -a, np.sqrt(a), np.minimum(a, b), np.maximum(a, b), np.where(a > b, a, b)]
+    np.testing.assert_array_equal(run(arithmetic, 9, values), expected)
 
 
 @pytest.mark.parametrize(("dtype", "lanes"), CASES)
@@ -107,7 +108,7 @@ def test_an_invalid_lane_leaves_its_neighbours_alone():
     spoilt = values.copy()
     spoilt[:, 2], spoilt[0, 5] = np.nan, -1.0  # NaN everywhere; the square root of a negative number
     others = [0, 1, 3, 4, 6, 7]
-    got, expected = run(arithmetic, 8, spoilt), run(arithmetic, 8, values)
+    got, expected = run(arithmetic, 9, spoilt), run(arithmetic, 9, values)
     np.testing.assert_array_equal(got[:, others], expected[:, others])
     assert np.isnan(got[:, 2]).all()
     assert np.isnan(got[5, 5])
@@ -116,18 +117,18 @@ def test_an_invalid_lane_leaves_its_neighbours_alone():
 def test_minimum_and_maximum_pass_over_a_nan():
     values = np.full((2, 8), 2.0)
     values[0, 3], values[1, 4] = np.nan, np.nan
-    np.testing.assert_array_equal(run(arithmetic, 8, values)[6:], np.full((2, 8), 2.0))
+    np.testing.assert_array_equal(run(arithmetic, 9, values)[6:8], np.full((2, 8), 2.0))
 
 
 def test_division_by_zero_follows_ieee_and_does_not_raise():
     values = np.array([[1.0, -1.0, 0.0, 5.0] * 2, [0.0, 0.0, 0.0, np.inf] * 2])
     with np.errstate(all="ignore"):
         expected = values[0] / values[1]
-    np.testing.assert_array_equal(run(arithmetic, 8, values)[3], expected)
+    np.testing.assert_array_equal(run(arithmetic, 9, values)[3], expected)
 
 
 def test_shared_functions_accept_plain_floats():
-    assert scalars(2.0, 0.5) == (np.sqrt(2.0), 0.5, 2.0, 3.0)
+    assert scalars(2.0, 0.5) == (np.sqrt(2.0), 0.5, 2.0, 0.5, 3.0)
 
 
 def test_a_number_of_the_wrong_width_cannot_be_stored():

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from magrod_env._jit import jit
-from magrod_env.rod.helical import helical_strain, helical_strain_rates, strain_slope
-from magrod_env.rod.so3 import add, add_scaled, cross, dot, scale, subtract
+from magrod_env.rod.helical import helical_strain, helical_strain_rates
+from magrod_env.rod.so3 import add, add_scaled, cross, dot, scale, strain_slope, subtract
 
 SMALL = 1e-2  # rad^2: series below
 

@@ -27,9 +27,23 @@ from magrod_env.rod.mesh import RodValues, split_elements, write_rod
 from magrod_env.rod.stepping import run_blocks
 from magrod_env.rod.threads import Pool, checked_num_threads
 
-LANES = {"float64": 8, "float32": 16}
+LANES = {"float64": 8, "float32": 16}  # of a batch that one narrow block holds; larger ones get blocks twice as wide
 PLANE_AXES = {None: (0, 1, 2), "xy": (0, 1), "xz": (0, 2)}
-BLOCKS_PER_THREAD = 4  # below this, handing a share to another thread costs more than it saves
+RODS_PER_THREAD = {
+    "float64": 32,
+    "float32": 64,
+}  # below this, handing a share to another thread costs more than it saves
+
+
+def num_lanes(num_rods: int, precision: str) -> int:
+    """Rods in a lane block: one vector register of a processor with AVX-512, or two.
+
+    A rod's step is a long chain of operations that wait for each other. Two registers side by side fill the waits: 15
+    to 33 % less time a rod for 4 to 40 elements, in either precision, with AVX-512 and with AVX2.
+    """
+    if num_rods == 1:
+        return 1
+    return LANES[precision] if num_rods <= LANES[precision] else 2 * LANES[precision]
 
 
 class RodBatch:
@@ -67,7 +81,7 @@ class RodBatch:
         self.counts = split_elements(values.ends, num_elements)
         ends = np.cumsum(self.counts)
         self.terms = Terms(
-            lanes=(0,) * (1 if num_rods == 1 else LANES[precision]),
+            lanes=(0,) * num_lanes(num_rods, precision),
             planar=present(plane is not None),
             nodal=present(nodal),
             gravity=present(gravity is not None),
@@ -142,7 +156,7 @@ class RodBatch:
             self._bound[key] = Bound(kernel)
         kernel = self._bound[key]
         total = len(self.blocks)
-        workers = min(self.num_threads, max(1, total // BLOCKS_PER_THREAD))
+        workers = min(self.num_threads, max(1, total * self.width // RODS_PER_THREAD[self.dtype.name]))
         if workers == 1:
             kernel(self.blocks, 0, total, *arguments)
             return

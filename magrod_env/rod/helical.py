@@ -11,7 +11,7 @@ Derived in docs/physics.md; every force is checked against the gradient of the e
 """
 
 from magrod_env._jit import inline_jit
-from magrod_env._simd import maximum, minimum, square_root
+from magrod_env._simd import square_root, where_above
 from magrod_env.rod.so3 import (
     add,
     add_scaled,
@@ -23,21 +23,11 @@ from magrod_env.rod.so3 import (
     rotate,
     rotate_back,
     scale,
+    strain_slope,
     subtract,
 )
 
-LEAST_SHEAR, LARGE = 0.1, 1e30
-
-
-@inline_jit
-def strain_slope(y):
-    """``2 da/dy`` of ``a(y) = (1 - sinc(sqrt(y)/2))/y``: minimax polynomial for angles up to pi, error 6e-19."""
-    value = -5.835011061375404e-19 * y + 5.598641266488608e-16
-    value = value * y - 3.920649497286838e-13
-    value = value * y + 1.9571959141284352e-10
-    value = value * y - 6.458746692242521e-08
-    value = value * y + 1.240079365078823e-05
-    return value * y - 0.0010416666666666662
+LEAST_SHEAR = 0.1
 
 
 @inline_jit
@@ -94,9 +84,11 @@ def section_state(gamma, phi, inverse_length, stiffness):
     axial, shear, bending, torsion, tilting, sway = stiffness
     stretch = square_root(dot(gamma, gamma))
     least = LEAST_SHEAR * shear
-    firm = axial + (shear - axial) * stretch - least
-    section = least + maximum(firm, 0.0 * shear)  # S L
-    softens = least + (axial - least) * minimum(maximum(LARGE * firm, 0.0 * shear), 1.0 + 0.0 * shear)  # -L^2 dS/dL
+    firm = axial + (shear - axial) * stretch
+    section, softens = (
+        where_above(firm, least, firm, least),
+        where_above(firm, least, axial, least),
+    )  # S L and -L^2 dS/dL
     leaning = section * gamma[0]
     stiff = tilting * stretch + leaning * gamma[0]  # (T + S gamma_1^2) L
     both = 1.0 / (stretch * stiff)

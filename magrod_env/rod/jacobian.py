@@ -5,8 +5,8 @@ Notation of ``helical.py``. A matrix is a tuple of its columns, one for each uni
 """
 
 from magrod_env._jit import inline_jit
-from magrod_env.rod.helical import strain_slope, unwind
-from magrod_env.rod.so3 import add, add_scaled, cross, dot, scale, subtract
+from magrod_env.rod.helical import unwind
+from magrod_env.rod.so3 import add, add_scaled, cross, dot, scale, strain_slope, subtract
 
 
 @inline_jit

@@ -140,7 +140,7 @@ def helical_element(block, layout, element, pose_a, pose_b, lanes, planar):
         return helical_loads(gamma, phi, geometry, stress, moment, length)
     gamma, phi, geometry = planar_helical_strain(pose_a, pose_b, inverse_length)
     stress, moment = planar_helical_stress(gamma, phi, length, stiffness)
-    return planar_helical_loads(gamma, phi, geometry, stress, moment, length)
+    return planar_helical_loads(phi, geometry, stress, moment)
 
 
 @inline_jit

@@ -6,9 +6,9 @@ rotation.py with every out-of-plane number left out.
 """
 
 from magrod_env._jit import inline_jit
-from magrod_env._simd import maximum, minimum, square_root
-from magrod_env.rod.helical import LARGE, LEAST_SHEAR, strain_slope
-from magrod_env.rod.so3 import half_angle_series
+from magrod_env._simd import square_root, where_above
+from magrod_env.rod.helical import LEAST_SHEAR
+from magrod_env.rod.so3 import chord_slope, half_angle_series
 
 
 @inline_jit
@@ -57,12 +57,10 @@ def planar_helical_strain(pose_a, pose_b, inverse_length):
     q = 1.0 - x * w
     phi = 4.0 * q * u
     mid = planar_matrix((rotation_a[0] + rotation_b[0], rotation_a[1] + rotation_b[1]), inverse)
-    difference = (inverse_length * (position_b[0] - position_a[0]), inverse_length * (position_b[1] - position_a[1]))
-    chord = planar_rotate_back(mid, difference)
+    chord = planar_rotate_back(mid, (position_b[0] - position_a[0], position_b[1] - position_a[1]))
     sinc_inverse = (1.0 + x) * q
-    a = 0.0625 * (q - w) / (sinc_inverse * q * q)
-    gamma = (sinc_inverse * chord[0], sinc_inverse * chord[1])
-    return gamma, phi, (chord, mid, q, x, a, sinc_inverse)
+    factor = inverse_length * sinc_inverse
+    return (factor * chord[0], factor * chord[1]), phi, (chord, mid, sinc_inverse)
 
 
 @inline_jit
@@ -71,9 +69,8 @@ def planar_section_state(gamma, stiffness):
     axial, shear, bending, tilting, sway = stiffness
     stretch = square_root(gamma[0] * gamma[0] + gamma[1] * gamma[1])
     least = LEAST_SHEAR * shear
-    firm = axial + (shear - axial) * stretch - least
-    section = least + maximum(firm, 0.0 * shear)
-    softens = least + (axial - least) * minimum(maximum(LARGE * firm, 0.0 * shear), 1.0 + 0.0 * shear)
+    firm = axial + (shear - axial) * stretch
+    section, softens = where_above(firm, least, firm, least), where_above(firm, least, axial, least)
     leaning, bent = section * gamma[0], tilting * stretch
     stiff = bent + leaning * gamma[0]
     both = 1.0 / (stretch * stiff)
@@ -108,14 +105,12 @@ def planar_helical_energy(gamma, phi, length, stiffness):
 
 
 @inline_jit
-def planar_helical_loads(gamma, phi, geometry, stress, moment, length):
+def planar_helical_loads(phi, geometry, stress, moment):
     """World force on node a and torques on a and b (see ``helical_loads``)."""
-    chord, mid, q, x, a, sinc_inverse = geometry
+    chord, mid, sinc_inverse = geometry
     n = (sinc_inverse * stress[0], sinc_inverse * stress[1])
-    s = 0.5 * length * planar_cross(chord, n)
-    y = 16.0 * x * q * q
-    bracket = (2.0 * a + strain_slope(y) * y) * phi * (gamma[0] * n[0] + gamma[1] * n[1])
-    m = moment + length * bracket
+    s = 0.5 * planar_cross(chord, n)
+    m = moment + chord_slope(phi * phi) * phi * (sinc_inverse * (chord[0] * n[0] + chord[1] * n[1]))
     return planar_rotate(mid, n), s + m, s - m
 
 
@@ -144,10 +139,9 @@ def planar_nodal_loads(gamma_a, gamma_b, g, frames, stress_a, stress_b, moment, 
 @inline_jit
 def planar_free_rotation(rotation, momentum, time_step, compliance):
     """Drift of a planar rotation over ``time_step`` (see ``free_rotation``); the angular momentum does not change."""
-    g = time_step * momentum
-    f = g * compliance
-    for _ in range(3):
-        f = compliance * (g + f * (g * f))
+    p = time_step * momentum * compliance
+    x = p * p
+    f = p + p * (x * (1.0 + x * (2.0 + 5.0 * x)))  # f = p (1 + f^2)
     w, z = rotation[0] - rotation[1] * f, rotation[0] * f + rotation[1]
     factor = 1.0 / square_root(w * w + z * z)
     return factor * w, factor * z

@@ -8,7 +8,7 @@ decided when the kernel is compiled.
 """
 
 from magrod_env._jit import inline_jit, jit
-from magrod_env._simd import constant, load, maximum, minimum, store
+from magrod_env._simd import constant, load, maximum, minimum, store, where_above
 from magrod_env.rod.damping import damp_if_due, damping_scratch, share_due
 from magrod_env.rod.layout import DRAG, FIELD, GRAVITY, LEAST_COSINE, PLANAR, REFERENCE, SPATIAL, SPIN_DRAG, TARGET
 from magrod_env.rod.loads import (
@@ -162,16 +162,18 @@ def kick_and_drift(block, layout, terms, planar, nodal, gradient, drift_step, br
     lanes = terms.lanes
     last = layout.num_elements
     pose = load_pose(block, layout.nodes, lanes, planar)
-    force, torque = no_load(block, lanes, planar)
+    before, torque = no_load(block, lanes, planar)
     cosine = load(block, LEAST_COSINE, lanes)
     for element in range(last):
         next_pose = load_pose(block, node_row(layout, planar, element + 1), lanes, planar)
-        cosine = minimum(cosine, bend_cosine(pose, next_pose, planar))
+        bend = bend_cosine(pose, next_pose, planar)
+        cosine = where_above(cosine, bend, bend, cosine)
         pull, torque_a, torque_b = element_loads(block, layout, element, pose, next_pose, lanes, planar, nodal)
         if element > 0:
-            total, twist = add_force(force, pull, planar), add_torque(torque, torque_a, planar)
-            move_node(block, layout, element, pose, total, twist, drift_step, brakes, terms, planar, gradient)
-        force, torque, pose = subtract_force(no_load(block, lanes, planar)[0], pull, planar), torque_b, next_pose
+            force, twist = subtract_force(pull, before, planar), add_torque(torque, torque_a, planar)
+            move_node(block, layout, element, pose, force, twist, drift_step, brakes, terms, planar, gradient)
+        before, torque, pose = pull, torque_b, next_pose
+    force = subtract_force(no_load(block, lanes, planar)[0], before, planar)
     move_node(block, layout, last, pose, force, torque, drift_step, brakes, terms, planar, gradient)
     store(block, LEAST_COSINE, cosine, lanes)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from magrod_env import Simulation, load_scene
-from magrod_env.rod.batch import BLOCKS_PER_THREAD, LANES
+from magrod_env.rod.batch import LANES, RODS_PER_THREAD
 
 SOFT = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=5.0)
 RICH = SOFT.replace(internal_damping=1e-4)
@@ -59,7 +59,7 @@ def test_rods_of_one_field_are_equal():
 
 
 def test_threads_give_the_same_bits():
-    num_rods = 8 * (2 * BLOCKS_PER_THREAD + 1)  # enough blocks for two threads, in unequal shares
+    num_rods = 2 * RODS_PER_THREAD["float64"] + LANES["float64"]  # enough for two threads, in unequal shares
     field = fields(num_rods)
     alone, shared = (run(num_rods, field, num_threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(shared, alone)

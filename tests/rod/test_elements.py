@@ -1,11 +1,10 @@
 """Both elements against the gradient of their energy, closed forms of uniform strain, and rigid motions."""
 
-import mpmath
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from magrod_env.rod.helical import helical_loads, helical_strain, helical_strain_rates, helical_stress, strain_slope
+from magrod_env.rod.helical import helical_loads, helical_strain, helical_strain_rates, helical_stress
 from magrod_env.rod.nodal import nodal_loads, nodal_strain
 from magrod_env.rod.planar import (
     planar_helical_loads,
@@ -213,19 +212,6 @@ def test_nodal_strains_are_the_chord_seen_from_either_end():
     np.testing.assert_allclose(g, np.tan(angle / 2) * phi / angle, rtol=1e-13)
 
 
-def test_strain_slope_is_twice_the_derivative_of_the_screw_series():
-    """2 da/dy of a = (1 - sinc(sqrt(y)/2))/y for y up to pi^2."""
-    with mpmath.workdps(60):
-
-        def a(y):
-            half = mpmath.sqrt(y) / 2
-            return (1 - mpmath.sin(half) / half) / y
-
-        for y in (1e-10, 1e-4, 0.1, 1.0, 5.0, np.pi**2):
-            exact = 2 * mpmath.diff(a, mpmath.mpf(y))
-            assert abs(strain_slope(y) / float(exact) - 1.0) < 2e-15
-
-
 # ---- strain rates
 
 VELOCITIES = RNG.normal(size=(2, 3)) * 0.3
@@ -290,7 +276,7 @@ def planar_case(bend, seed):
 def planar_helical(pose_a, pose_b):
     gamma, phi, geometry = planar_helical_strain(pose_a, pose_b, 1.0 / LENGTH)
     stress, moment = planar_helical_stress(gamma, phi, LENGTH, (EA, GA, EI / LENGTH, TILTING, SWAY))
-    return planar_helical_loads(gamma, phi, geometry, stress, moment, LENGTH)
+    return planar_helical_loads(phi, geometry, stress, moment)
 
 
 def planar_nodal(pose_a, pose_b):

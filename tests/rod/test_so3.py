@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from magrod_env._jit import jit
 from magrod_env._simd import load, store
 from magrod_env.rod.so3 import (
+    chord_slope,
     compose_cayley,
     cross,
     half_angle_series,
@@ -17,6 +18,7 @@ from magrod_env.rod.so3 import (
     relative_rotation,
     rotate,
     rotate_back,
+    strain_slope,
 )
 
 ANGLES = {"identity": 0.0, "tiny": 1e-8, "small": 1e-3, "near_pi": np.pi - 1e-9, "pi": np.pi}
@@ -113,40 +115,60 @@ def test_quaternion_of_a_matrix_by_each_of_its_components():
         np.testing.assert_allclose(rows, rotation.as_matrix(), atol=1e-15)
 
 
-@jit
-def series_of_float(x):
-    return half_angle_series(x)
+def half_angle_exactly(x):
+    """(1 - atan(sqrt(x))/sqrt(x))/x; at zero its limit 1/3."""
+    root = mpmath.sqrt(x)
+    return (1 - mpmath.atan(root) / root) / x if x else mpmath.mpf(1) / 3
 
 
-@jit
-def series_of_lanes(values, out, lanes):
-    store(out, 0, half_angle_series(load(values, 0, lanes)), lanes)
+def chord_slope_exactly(y):
+    """-2 d sinc(sqrt(y)/2)/dy, by the derivative of sin(r)/r at r = sqrt(y)/2; at zero its limit 1/12."""
+    r = mpmath.sqrt(y) / 2
+    return (mpmath.sin(r) - r * mpmath.cos(r)) / (4 * r**3) if y else mpmath.mpf(1) / 12
 
 
-def exact_series(x):
-    """(1 - atan(sqrt(x))/sqrt(x))/x to 40 digits; at zero its limit 1/3."""
-    with mpmath.workdps(80):  # of which the difference loses 30 at x = 1e-30
-        if x == 0:
-            return mpmath.mpf(1) / 3
-        root = mpmath.sqrt(mpmath.mpf(float(x)))
-        return (1 - mpmath.atan(root) / root) / mpmath.mpf(float(x))
+def strain_slope_exactly(y):
+    """2 da/dy of a = (1 - sinc(sqrt(y)/2))/y = (1 - sinc)/y; at zero its limit -1/960."""
+    r = mpmath.sqrt(y) / 2
+    return chord_slope_exactly(y) / y - 2 * (1 - mpmath.sin(r) / r) / y**2 if y else -mpmath.mpf(1) / 960
 
 
-@pytest.mark.parametrize(("dtype", "lanes", "units"), [(np.float64, 8, 5), (np.float32, 16, 2)])
-def test_half_angle_series_is_exact_to_rounding(dtype, lanes, units):
-    """On [0, 1], that is relative rotations up to pi; the error in units of the last place of 1/3."""
-    x = np.concatenate([[0.0, 1e-30, 1e-16, 1e-8, 1e-5, 0.0625], np.linspace(1e-3, 1.0, 506)]).astype(dtype)
-    out = np.concatenate([run_lanes(part, dtype) for part in np.split(x, len(x) // lanes)])
-    errors = [abs(float(mpmath.mpf(float(value)) - exact_series(at))) for value, at in zip(out, x, strict=True)]
-    assert max(errors) < units * np.spacing(dtype(1 / 3))
+SERIES = {  # largest argument, exact values, largest relative error in units of the last place, double and single
+    "half_angle": (half_angle_series, 1.0, half_angle_exactly, (6, 3)),
+    "strain_slope": (strain_slope, np.pi**2, strain_slope_exactly, (8, 3)),
+    "chord_slope": (chord_slope, np.pi**2, chord_slope_exactly, (6, 3)),
+}
 
 
-def run_lanes(x, dtype):
-    out = np.zeros(len(x), dtype)
-    series_of_lanes(x, out, (0,) * len(x))
+def series_of_float(series):
+    return jit(lambda x: series(x))
+
+
+def series_of_lanes(series):
+    return jit(lambda values, out, lanes: store(out, 0, series(load(values, 0, lanes)), lanes))
+
+
+def run_lanes(name, x):
+    out = np.zeros_like(x)
+    series_of_lanes(SERIES[name][0])(x, out, (0,) * len(x))
     return out
 
 
-def test_half_angle_series_of_a_float_is_that_of_a_double_lane():
-    x = np.linspace(0.0, 1.0, 8)
-    np.testing.assert_array_equal([series_of_float(value) for value in x], run_lanes(x, np.float64))
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("name", SERIES)
+def test_series_are_exact_to_rounding_for_rotations_up_to_pi(name, dtype):
+    _, largest, exactly, units = SERIES[name]
+    x = np.concatenate([[0.0, 1e-30, 1e-16, 1e-8, 1e-5, 0.0625], np.linspace(1e-3, largest, 506)]).astype(dtype)
+    x = np.minimum(x, dtype(largest))
+    with mpmath.workdps(100):  # of which the differences lose 60 at x = 1e-30
+        exact = [exactly(mpmath.mpf(float(at))) for at in x]
+        out = run_lanes(name, x)
+        errors = [abs(float(mpmath.mpf(float(value)) / true - 1)) for value, true in zip(out, exact, strict=True)]
+    assert max(errors) < units[dtype is np.float32] * np.finfo(dtype).eps
+
+
+@pytest.mark.parametrize("name", SERIES)
+def test_series_of_a_float_is_that_of_a_double_lane(name):
+    x = np.linspace(0.0, SERIES[name][1], 8)
+    alone = series_of_float(SERIES[name][0])
+    np.testing.assert_array_equal([alone(value) for value in x], run_lanes(name, x))

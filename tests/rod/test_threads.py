@@ -12,11 +12,11 @@ import pytest
 import magrod_env  # noqa: F401  (registers the ids)
 from magrod_env import Simulation, load_scene
 from magrod_env.estimation import EnsembleFilter, PredictionFilter, UnscentedFilter
-from magrod_env.rod.batch import BLOCKS_PER_THREAD, LANES
+from magrod_env.rod.batch import RODS_PER_THREAD
 from magrod_env.rod.threads import checked_num_threads, usable_cores
 
 SCENE = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=5.0)
-NUM_RODS = 2 * BLOCKS_PER_THREAD * LANES["float64"]  # enough blocks for two threads
+NUM_RODS = 2 * RODS_PER_THREAD["float64"]  # enough for two threads
 
 OWNERS = {
     "Simulation": lambda **options: Simulation(SCENE, **options),
