@@ -133,15 +133,28 @@ def world_motion(block, row, rotation, lanes):
 
 
 @inline_jit
-def begin_node(block, scratch, row, own, rotation, lanes):
-    """Open a node's part of the system with its mass and its inertia."""
-    zero = constant(0.0, rotation[0])
-    for k in range(system_rows(SPATIAL_FREEDOMS)):
-        store(scratch, own + k, zero, lanes)
-    mass = 1.0 / load(block, row + SPATIAL.inverse_mass, lanes)
+def open_node(scratch, own, blocks, loads, lanes):
+    """Write a node's diagonal block, of ``blocks`` (of velocities, its columns mixed with spins, of spins), and its
+    right-hand side.
+    """
+    of_velocities, mixed, of_spins = blocks
+    store3(scratch, own, of_velocities[:3], lanes)
+    store3(scratch, own + 3, of_velocities[3:], lanes)
     for k in range(3):
-        store(scratch, own + triangle(k, k), mass, lanes)
-    add_tensor(scratch, own, 3, inertia_of(block, row, rotation, lanes), lanes)
+        store3(scratch, own + triangle(3 + k, 0), mixed[k], lanes)
+    store(scratch, own + triangle(3, 3), of_spins[0], lanes)
+    store(scratch, own + triangle(4, 3), of_spins[1], lanes)
+    store(scratch, own + triangle(4, 4), of_spins[2], lanes)
+    store3(scratch, own + triangle(5, 3), of_spins[3:], lanes)
+    right = own + right_row(SPATIAL_FREEDOMS)
+    store3(scratch, right, loads[0], lanes)
+    store3(scratch, right + 3, loads[1], lanes)
+
+
+@inline_jit
+def add_tensors(a, b):
+    """Sum of two symmetric 3x3 matrices."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
 
 
 @inline_jit
@@ -175,34 +188,23 @@ def add_element(block, scratch, layout, element, pose_a, pose_b, motion_a, motio
     column_2 = add_scaled((s[1], -s[0], 0.0 * length), q[2], e)
     positions = tensor(inverse_length * across, inverse_length * along, t)
     lean = tensor(0.25 * length * across * dot(chord, chord), -0.25 * length * across, chord)
-    turn = tensor(0.0 * length, 0.25 * length * along, q)
-    turns = (
-        lean[0] + turn[0],
-        lean[1] + turn[1],
-        lean[2] + turn[2],
-        lean[3] + turn[3],
-        lean[4] + turn[4],
-        lean[5] + turn[5],
-    )
+    turns = add_tensors(lean, tensor(0.0 * length, 0.25 * length * along, q))
     bends = tensor(bending, twisting, t)
-    right = right_row(SPATIAL_FREEDOMS)
-    add_tensor(scratch, b, 0, positions, lanes)
-    add_tensor(scratch, b, 3, turns, lanes)
-    add_tensor(scratch, b, 3, bends, lanes)
-    add3(scratch, b + triangle(3, 0), column_0, lanes)
-    add3(scratch, b + triangle(4, 0), column_1, lanes)
-    add3(scratch, b + triangle(5, 0), column_2, lanes)
-    add3(scratch, b + right, force, lanes)
-    add3(scratch, b + right + 3, add(lever, moment), lanes)
+    spins = add_tensors(turns, bends)
+    mass = 1.0 / load(block, node_row(layout, None, element + 1) + SPATIAL.inverse_mass, lanes)
+    heavy = add_tensors(positions, (mass, 0.0 * mass, mass, 0.0 * mass, 0.0 * mass, mass))
+    inertia = inertia_of(block, node_row(layout, None, element + 1), q_b, lanes)
+    columns, loads = (column_0, column_1, column_2), (force, add(lever, moment))
+    open_node(scratch, b, (heavy, columns, add_tensors(spins, inertia)), loads, lanes)
     if element > 0:
         add_tensor(scratch, a, 0, positions, lanes)
-        add_tensor(scratch, a, 3, turns, lanes)
-        add_tensor(scratch, a, 3, bends, lanes)
+        add_tensor(scratch, a, 3, spins, lanes)
+        right = a + right_row(SPATIAL_FREEDOMS)
         add3(scratch, a + triangle(3, 0), scale(-1.0, column_0), lanes)
         add3(scratch, a + triangle(4, 0), scale(-1.0, column_1), lanes)
         add3(scratch, a + triangle(5, 0), scale(-1.0, column_2), lanes)
-        add3(scratch, a + right, scale(-1.0, force), lanes)
-        add3(scratch, a + right + 3, subtract(lever, moment), lanes)
+        add3(scratch, right, scale(-1.0, force), lanes)
+        add3(scratch, right + 3, subtract(lever, moment), lanes)
         coupling = b + coupling_row(SPATIAL_FREEDOMS)
         store_tensor(scratch, coupling, -1.0, positions, lanes)
         store3(scratch, coupling + 3, (column_0[0], column_1[0], column_2[0]), lanes)
@@ -356,7 +358,6 @@ def assemble_damping(block, scratch, layout, terms, planar, share):
         next_pose = load_pose(block, row, lanes, planar)
         next_motion = node_motion(block, row, next_pose, lanes, planar)
         if planar is None:
-            begin_node(block, scratch, row, own, next_pose[1], lanes)
             add_element(block, scratch, layout, element, pose, next_pose, motion, next_motion, share, lanes)
         else:
             begin_planar_node(block, scratch, row, own, lanes)
