@@ -30,6 +30,7 @@ from magrod_env.rod.layout import BENDING
 from magrod_env.rod.mesh import arc_lengths
 from magrod_env.rod.stability import angular_frequencies
 from magrod_env.rod.state import BatchState
+from magrod_env.rod.threads import checked_num_threads
 from magrod_env.scene import Scene
 from magrod_env.search import choose_resolution
 from magrod_env.shapes import Shape, check_one_start, checked_shape
@@ -64,6 +65,33 @@ class CoarseWarning(UserWarning):
 
 class StabilityError(RuntimeError):
     """No stable equilibrium is reached as gravity, then the field are turned on: the rod buckles or snaps through."""
+
+    @classmethod
+    def at(cls, case: Equilibrium, scene: Scene) -> StabilityError:
+        """The error where stability is lost on the way to an equilibrium of `scene`."""
+        lost = "the rod loses stability (it buckles or snaps through)"
+        if case.strained:
+            return cls(
+                "an equilibrium must not stretch an element by more than half, shear it by more than 0.8 or bend it "
+                f"by a half turn, but under gravity and {case.field.tolist()} T it does: use more elements, a stiffer "
+                "rod or weaker loads."
+            )
+        if case.share < 1.0:
+            return cls(
+                f"gravity must not buckle a rod that is to start in equilibrium, but at {100 * case.share:.3g} % of "
+                f"{list(scene.gravity or ())} m/s^2, before any field acts, {lost}: make the rod shorter or stiffer, "
+                "let it hang another way, or start straight with reset() and let it fall."
+            )
+        names = ["field"] if case.field.any() or not case.gradient.any() else []
+        names += ["gradient"] if case.gradient.any() else []
+        loads = [f"{case.field.tolist()} T"] if names[0] == "field" else []
+        loads += [f"a gradient of up to {np.abs(case.gradient).max():.3g} T/m"] if case.gradient.any() else []
+        name = " and ".join(names)
+        return cls(
+            f"{name} must lead to a stable equilibrium from zero, but at {' and '.join(loads)} {lost} at "
+            f"{100 * (case.share - 1):.3g} % of the {name}: start from a weaker {names[0]} and let the dynamics carry "
+            "the rod over."
+        )
 
 
 _SYMPTOMS = {
@@ -130,6 +158,7 @@ class Simulation:
     ) -> None:
         if not isinstance(scene, Scene):
             raise ValueError(f"scene must be a Scene, but got {scene!r}: build one or use load_scene(name).")
+        num_threads = checked_num_threads(num_threads)
         num_rods = int(_checks.count("num_rods", num_rods, advice="give the number of rods in the batch"))
         _check_at_most("num_rods", num_rods, MOST_RODS)
         _check_choice("element", element, ELEMENTS)
@@ -439,7 +468,7 @@ class Simulation:
         for load in different:
             case = self._static.equilibrium(load[:3], load[3:] if load[3:].any() else None)
             if not case.reached:
-                raise StabilityError(_lost(case, self.scene))
+                raise StabilityError.at(case, self.scene)
             shapes.append(case)
         index = index.ravel()
         return (
@@ -881,31 +910,4 @@ def resolution_for(
         load=relative_load(scene, expected_field) - relative_load(scene, 0.0),
         hanging=hanging,
         implicit=implicit,
-    )
-
-
-def _lost(case: Equilibrium, scene: Scene) -> str:
-    """What is to be said where stability is lost on the way to an equilibrium."""
-    lost = "the rod loses stability (it buckles or snaps through)"
-    if case.strained:
-        return (
-            "an equilibrium must not stretch an element by more than half, shear it by more than 0.8 or bend it by a "
-            f"half turn, but under gravity and {case.field.tolist()} T it does: use more elements, a stiffer "
-            "rod or weaker loads."
-        )
-    if case.share < 1.0:
-        return (
-            f"gravity must not buckle a rod that is to start in equilibrium, but at {100 * case.share:.3g} % of "
-            f"{list(scene.gravity or ())} m/s^2, before any field acts, {lost}: make the rod shorter or stiffer, let "
-            "it hang another way, or start straight with reset() and let it fall."
-        )
-    names = ["field"] if case.field.any() or not case.gradient.any() else []
-    names += ["gradient"] if case.gradient.any() else []
-    loads = [f"{case.field.tolist()} T"] if names[0] == "field" else []
-    loads += [f"a gradient of up to {np.abs(case.gradient).max():.3g} T/m"] if case.gradient.any() else []
-    name = " and ".join(names)
-    return (
-        f"{name} must lead to a stable equilibrium from zero, but at {' and '.join(loads)} {lost} at "
-        f"{100 * (case.share - 1):.3g} % of the {name}: start from a weaker {names[0]} and let the dynamics carry the "
-        "rod over."
     )

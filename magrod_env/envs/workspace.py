@@ -41,10 +41,7 @@ class Workspace:
         goal = np.asarray(field, float)
         case = self.model.equilibrium(goal) if near is None else self.model.follow(near, goal)
         if not case.reached:
-            raise StabilityError(
-                f"field must lead to a stable equilibrium, but at {goal.tolist()} T the rod loses stability on the way "
-                "from zero: choose a weaker field, or one that opposes the magnets less."
-            )
+            raise StabilityError.at(case, self.scene)
         return case
 
     def equilibria(self, fields: ArrayLike) -> list[Equilibrium]:

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from rollouts import run
 
-from magrod_env import Simulation
+from magrod_env import Simulation, StabilityError, load_scene
 from magrod_env.envs import MagRodEnv, MagRodVectorEnv
 from magrod_env.envs.paths import SHAPES, evenly_spaced, shape
+from magrod_env.envs.workspace import Workspace
 from magrod_env.magnetics import Actuator
 from magrod_env.registration import IDS
 
@@ -253,3 +254,9 @@ def test_static_command_of_a_target_holds_the_rod_there():
     for _ in range(30):
         info = env.step(field[1:] / env.core.actuator.limit)[4]
     assert info["tip_error"] < 2e-4 and info["is_success"]
+
+
+def test_a_rod_that_its_weight_buckles_is_not_blamed_on_the_field():
+    standing = load_scene("paper5_circle").replace(gravity=(-200.0, 0.0, 0.0))
+    with pytest.raises(StabilityError, match="gravity must not buckle"):
+        Workspace(standing, 4).equilibrium((0.0, 0.0, 0.01))

@@ -35,6 +35,12 @@ def test_a_number_of_threads_that_is_none_is_refused(owner, value):
         OWNERS[owner](num_threads=value)
 
 
+def test_a_number_of_threads_that_is_none_is_refused_before_pilots_run(monkeypatch):
+    monkeypatch.setattr("magrod_env.simulation.resolution_for", lambda *_, **__: pytest.fail("pilots ran"))
+    with pytest.raises(ValueError, match="num_threads"):
+        Simulation(SCENE, tolerance=1e-3, num_threads=0)
+
+
 @pytest.mark.parametrize("value", [2, 2.0, np.int64(2), np.float32(2.0)], ids=repr)
 def test_whole_numbers_of_any_type_are_taken(value):
     assert checked_num_threads(value) == 2 and type(checked_num_threads(value)) is int
