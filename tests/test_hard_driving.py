@@ -1,11 +1,15 @@
 """Steps under tension, sudden changes of the field, loss factors: loads that are not gentle."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from rod.beams import CLAMPED_FREE
 from rod.test_stability import assert_limit_between
+from scipy.spatial.transform import Rotation
 
 from magrod_env import Magnet, Rod, Scene, Simulation, load_scene
+from magrod_env.rod.equilibrium import Equilibrium
 
 SOFT = Rod.circular(length=0.1, diameter=1e-3, density=1100.0, youngs_modulus=1e6, poissons_ratio=0.5)
 PULLED = Scene(rod=SOFT, magnets=(Magnet.dipole(position=0.1, moment=0.1),))
@@ -97,3 +101,39 @@ def test_a_hanging_rod_is_found_by_implicit_steps_of_its_own():
     simulation.advance(6.0)
     exact = rod.length + rod.density * 9.81 * rod.length**2 / (2.0 * rod.youngs_modulus)
     np.testing.assert_allclose(simulation.tip_position[0, 0], exact, atol=2e-5)
+
+
+def shape_of(simulation, rod, field):
+    """The present shape of a rod in a field, as an equilibrium that its linear bound is asked of."""
+    quaternions = Rotation.from_matrix(simulation.rotations[rod]).as_quat(scalar_first=True)
+    for one, other in pairwise(quaternions):
+        other *= np.sign(one @ other)  # rotations of neighbours below a half turn
+    return Equilibrium(simulation.positions[rod], quaternions, True, 2.0, field, np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize(
+    ("name", "num_elements", "rotary_scaling", "strength"),
+    [("paper4_pdms_tip_magnet", 4, 8.0, 15e-3), ("paper6_two_magnets", 6, 8.0, 15e-3)],
+)
+def test_the_default_step_stays_below_the_bounds_met_while_fields_flip(name, num_elements, rotary_scaling, strength):
+    """No vibration but drag takes energy out, so that each flip bends the rod further. 0.7 and 0.75 of them is seen."""
+    directions = np.random.default_rng(0).normal(size=(4, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    simulation = Simulation(
+        load_scene(name).replace(drag_rate=5.0),
+        num_rods=4,
+        num_elements=num_elements,
+        rotary_scaling=rotary_scaling,
+        expected_field=strength,
+        on_failure="report",
+    )
+    default, static = simulation.time_step, simulation._static
+    simulation.time_step = 0.25 * default
+    least = np.inf
+    for k in range(100):
+        fields = (-1) ** (k // 5) * strength * directions  # flips every 10 ms
+        simulation.advance(2e-3, field=fields)
+        bounds = [static.stable_time_step_at(shape_of(simulation, rod, fields[rod]), None) for rod in range(4)]
+        least = min(least, *bounds)
+    assert not simulation.status.any()
+    assert default < 0.8 * least < simulation.stable_time_step
