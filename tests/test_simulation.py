@@ -729,14 +729,23 @@ def test_a_field_far_too_strong_is_refused_or_reported_never_wrong():
         simulation.advance(0.5, field=(0.0, 10.0, 0.0))
 
 
-@pytest.mark.parametrize("modulus", [1e4, 1e12])
-def test_moduli_from_jelly_to_beyond_steel_run(modulus):
-    """The step follows the stiffness; the jelly hangs down, stretched by a tenth, the steel stays straight."""
+def jelly(modulus):
     rod = Rod.circular(length=0.06, diameter=4e-3, density=1000.0, youngs_modulus=modulus, poissons_ratio=0.3)
     magnet = Magnet.dipole(position=0.06, moment=1e-6, mass=1e-6)
-    scene = Scene(rod=rod, magnets=(magnet,), gravity=(0.0, 0.0, -9.81), drag_rate=5.0)
-    simulation = Simulation(scene, num_elements=10)
+    return Scene(rod=rod, magnets=(magnet,), gravity=(0.0, 0.0, -9.81), drag_rate=5.0)
+
+
+@pytest.mark.parametrize("modulus", [5e3, 1e12])
+def test_moduli_from_jelly_to_beyond_steel_run(modulus):
+    """The step follows the stiffness; the jelly hangs down, stretched by a tenth, the steel stays straight."""
+    simulation = Simulation(jelly(modulus), num_elements=10)
     simulation.advance(2000 * simulation.time_step)
     assert simulation.status[0] == 0
     tip = simulation.tip_position[0]
     assert (tip[2] < -0.02) if modulus < 1e5 else (abs(tip[2]) < 1e-6)
+
+
+def test_a_jelly_that_its_weight_stretches_by_more_than_half_is_reported():
+    """1 kPa: rho g L/E = 0.59 at the clamp of a rod that only hangs."""
+    with pytest.raises(SimulationDiverged, match="left the stable range"):
+        Simulation(jelly(1e3), num_elements=10).advance(2.0)

@@ -5,10 +5,10 @@ part of the linear system (``elimination.py``) and what is named here; derived i
 """
 
 from magrod_env._jit import inline_jit, jit
-from magrod_env._simd import constant, load, minimum, store
+from magrod_env._simd import constant, load, maximum, minimum, square_root, store
 from magrod_env.rod.elimination import COUPLING, RIGHT, SYSTEM, add3, triangle
 from magrod_env.rod.helical import helical_strain
-from magrod_env.rod.layout import DRAG, ELEMENT_ROWS, GRAVITY, INVERSE_LENGTH, LEAST_COSINE, SPATIAL, SPIN_DRAG
+from magrod_env.rod.layout import AXIAL, DRAG, ELEMENT_ROWS, GRAVITY, INVERSE_LENGTH, LEAST_COSINE, SPATIAL, SPIN_DRAG
 from magrod_env.rod.loads import (
     bend_cosine,
     load2,
@@ -27,7 +27,8 @@ SHIFT, TURN = SYSTEM, SYSTEM + 3  # d (m, world) and f
 MIDDLE, END = SYSTEM + 6, SYSTEM + 13  # poses
 STRAIN = SYSTEM + 20  # gamma and phi, at the start of the step, of the element that ends here
 PACE, RISE = SYSTEM + 26, SYSTEM + 32  # d/h and f/h of the step before and their slope in time, for the first guess
-NODE = SYSTEM + 38
+PULL = SYSTEM + 38  # tension (N) of the element that ends here, where it pulls, in the step before
+NODE = SYSTEM + 39
 
 
 @inline_jit
@@ -66,6 +67,12 @@ def predict(block, scratch, layout, terms, h, ahead):
         pose = load_pose(block, row, lanes, None)
         inverse_length = load(block, layout.elements + ELEMENT_ROWS * (node - 1) + INVERSE_LENGTH, lanes)
         gamma, phi, geometry = helical_strain(before, pose, inverse_length)
+        stretch = square_root(dot(gamma, gamma))
+        if ahead != 0.0:
+            old = load3(scratch, own + STRAIN, lanes)
+            stretch = 0.5 * (stretch + square_root(dot(old, old)))
+        axial = load(block, layout.elements + ELEMENT_ROWS * (node - 1) + AXIAL, lanes)
+        store(scratch, own + PULL, maximum(axial * (stretch - 1.0), constant(0.0, axial)), lanes)
         store3(scratch, own + STRAIN, gamma, lanes)
         store3(scratch, own + STRAIN + 3, phi, lanes)
         before = pose

@@ -1,8 +1,9 @@
 """Implicit midpoint step of spatial rods of helical elements: steps of milliseconds, however stiff the rod.
 
 Nodes move by half steps (see ``halfstep.py``). Loads act at the middle of the step, with the stress of the mean of the
-strains at both ends. Newton's method solves for the half steps with the material stiffness, which leaves a small linear
-rate; derived in docs/physics.md.
+strains at both ends. Newton's method solves for the half steps with the material stiffness and with the tension of the
+step before, which leaves a small linear rate: before it has converged, a stiff rod's tension is far off. Derived in
+docs/physics.md.
 """
 
 import numpy as np
@@ -22,9 +23,9 @@ from magrod_env.rod.elimination import (
     triangle,
 )
 from magrod_env.rod.energy import OK
-from magrod_env.rod.halfstep import END, MIDDLE, NODE, STRAIN, begin_node, finish, move_half_step, predict
+from magrod_env.rod.halfstep import END, MIDDLE, NODE, PULL, STRAIN, begin_node, finish, move_half_step, predict
 from magrod_env.rod.helical import helical_loads, helical_strain, helical_stress
-from magrod_env.rod.jacobian import strain_jacobian, weighted
+from magrod_env.rod.jacobian import strain_jacobian, stretched, weighted
 from magrod_env.rod.layout import (
     ELEMENT_ROWS,
     FIELD,
@@ -106,25 +107,30 @@ def add_element(block, scratch, layout, element, poses, terms):
     new_gamma, new_phi, unused = helical_strain(poses[2], poses[3], inverse_length)
     mean, bend = scale(0.5, add(old_gamma, new_gamma)), scale(0.5, add(old_phi, new_phi))
     stress, moment = helical_stress(mean, bend, length, inverse_length, stiffness)
-    short = square_root(dot(mean, mean))
-    longer = 0.5 * (square_root(dot(old_gamma, old_gamma)) + square_root(dot(new_gamma, new_gamma))) - short
-    stress = add_scaled(stress, axial * longer / short, mean)  # a mean of strains is shorter than a strain
-    tension = maximum(stress[0], constant(0.0, length))
+    inverse_short = 1.0 / square_root(dot(mean, mean))
+    stretch = 0.5 * (square_root(dot(old_gamma, old_gamma)) + square_root(dot(new_gamma, new_gamma)))
+    missing = axial * (inverse_short - 1.0 / stretch)  # a mean of strains is shorter than a strain
+    stress = add_scaled(stress, missing, mean)
+    zero = constant(0.0, length)
+    direction, tension = scale(inverse_short, mean), load(scratch, b + PULL, lanes)
     straight = shear * tilting / (shear + tilting)
     force, torque_a, torque_b = helical_loads(gamma, phi, geometry, stress, moment, length)
     add3(scratch, b + RIGHT, scale(-1.0, force), lanes)
     add3(scratch, b + RIGHT + 3, torque_b, lanes)
     position, turn_a, turn_b, bend_a, bend_b = strain_jacobian(gamma, phi, geometry, inverse_length)
     along, across = axial * length, straight * length
-    held, tied = weighted(position, along, across), weighted(position, along, across + tension * length)
+    straightened = bending + length / 12.0 * tension  # a helix is longer than its chord by phi^2/24
+    held = stretched(position, direction, along, zero, across)
+    tied = stretched(position, direction, along, tension * length, across)
     add_symmetric(scratch, b, 0, position, tied, lanes)
     add_mixed(scratch, b, 1.0, turn_b, held, lanes)
-    add_symmetric(scratch, b, 3, turn_b, weighted(turn_b, along, across), lanes)
-    add_symmetric(scratch, b, 3, bend_b, weighted(bend_b, torsion, bending), lanes)
+    add_symmetric(scratch, b, 3, turn_b, stretched(turn_b, direction, along, zero, across), lanes)
+    add_symmetric(scratch, b, 3, bend_b, weighted(bend_b, torsion, straightened), lanes)
     if element > 0:
         add3(scratch, a + RIGHT, force, lanes)
         add3(scratch, a + RIGHT + 3, torque_a, lanes)
-        twisted, curved = weighted(turn_a, along, across), weighted(bend_a, torsion, bending)
+        twisted = stretched(turn_a, direction, along, zero, across)
+        curved = weighted(bend_a, torsion, straightened)
         add_symmetric(scratch, a, 0, position, tied, lanes)
         add_mixed(scratch, a, -1.0, turn_a, held, lanes)
         add_symmetric(scratch, a, 3, turn_a, twisted, lanes)

@@ -91,3 +91,22 @@ def weighted(columns, along, across):
         weighted1(columns[1], along, across),
         weighted1(columns[2], along, across),
     )
+
+
+@inline_jit
+def stretched1(column, direction, along, tied, across):
+    """A vector times along d d^T + tied (I - d d^T) + diag(0, across, across), d a unit vector."""
+    share, both = (along - tied) * dot(direction, column), tied + across
+    return add_scaled((tied * column[0], both * column[1], both * column[2]), share, direction)
+
+
+@inline_jit
+def stretched(columns, direction, along, tied, across):
+    """Columns of strains gamma times the stiffness against stretch along ``direction``, that of a chord under tension
+    ``tied`` against turning, and that against shear.
+    """
+    return (
+        stretched1(columns[0], direction, along, tied, across),
+        stretched1(columns[1], direction, along, tied, across),
+        stretched1(columns[2], direction, along, tied, across),
+    )

@@ -117,19 +117,28 @@ def test_small_motions_are_filtered_as_kalman_would(members, share):
 
 
 def test_a_wrong_modulus_and_a_turned_field_are_found():
-    """Truth: three times the elements, 15 % stiffer, the field turned by 0.06 rad."""
+    """Truth: three times the elements, 15 % stiffer, the field turned by 0.06 rad. On the average of three runs within
+    0.01 rad, where one may be off by 0.012, and each within twice its own standard deviation.
+    """
     commands, turn = fields(75), (0.0, 0.06, -0.04)
     tips = truth(stiffer(SCENE, 1.15), commands, misalignment=turn)
-    estimator = EnsembleFilter(
-        SCENE, num_members=32, parameters={"modulus": 0.2, "misalignment": 0.05}, num_elements=4, num_threads=1
-    )
-    estimator.reset(commands[0])
-    errors, _ = follow(estimator, commands, tips, np.random.default_rng(0))
-    assert errors[25:].mean() < NOISE
-    assert estimator.parameters["modulus"][0] == pytest.approx(1.15, abs=0.02)
-    for axis, value in zip("yz", turn[1:]):
-        assert estimator.parameters[f"misalignment_{axis}"][0] == pytest.approx(value, abs=0.012)
-    assert (estimator.parameter_uncertainty["modulus"] < 0.02).all()
+    found = {"modulus": [], "misalignment_y": [], "misalignment_z": []}
+    true = {"modulus": 1.15, "misalignment_y": turn[1], "misalignment_z": turn[2]}
+    for seed in range(3):
+        estimator = EnsembleFilter(
+            SCENE, num_members=32, parameters={"modulus": 0.2, "misalignment": 0.05}, num_elements=4, num_threads=1
+        )
+        estimator.reset(commands[0])
+        errors, _ = follow(estimator, commands, tips, np.random.default_rng(seed))
+        assert errors[25:].mean() < NOISE
+        for name, values in found.items():
+            values.append(estimator.parameters[name][0] - true[name])
+            assert abs(values[-1]) < 2.0 * estimator.parameter_uncertainty[name][0]
+        assert (estimator.parameter_uncertainty["modulus"] < 0.02).all()
+    assert np.abs(found["modulus"]).max() < 0.02
+    for axis in "yz":
+        assert abs(np.mean(found[f"misalignment_{axis}"])) < 0.01
+        assert np.abs(found[f"misalignment_{axis}"]).max() < 0.012
 
 
 def test_without_an_estimator_the_same_rod_is_far_off():

@@ -41,13 +41,16 @@ def twin(scene=SCENE, num_elements=4, plane="xz", start=BENT):
 # ---- what it does
 
 
-def test_filter_finds_the_minimiser_of_the_true_cost():
-    """Brute force over the two dampings of the tip, with the simulator itself in the cost."""
+@pytest.mark.parametrize(("share", "tolerance"), [(1.0, 0.08), (0.25, 0.02)])
+def test_filter_finds_the_minimiser_of_the_true_cost(share, tolerance):
+    """Brute force over the two dampings of the tip, with the simulator itself in the cost. The law is of first order:
+    a quarter of the innovation has a quarter of the error, 1.7 % of 6.8 %; the cost is hardly above the least.
+    """
     estimator = swinging(damped="seen")
     estimator.update(frame(np.full((1, 1, 3), np.nan), estimator.time))  # closes the interval
     start = state_rows(estimator._model)
     estimator.predict(FREE, FRAME)
-    goal = estimator.tip_position[:, None] + [[[1e-5, 0.0, 1e-4]]]
+    goal = estimator.tip_position[:, None] + share * np.array([[[1e-5, 0.0, 1e-4]]])
     estimator.update(frame(goal, estimator.time))
     model, unit = swinging()._model, estimator._model.node_masses[0, 4] / FRAME
     outcome = []
@@ -63,8 +66,10 @@ def test_filter_finds_the_minimiser_of_the_true_cost():
         return e @ e / NOISE**2 + np.sum((x / (20.0 * FRAME)) ** 2)
 
     found = minimize(cost, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-9})
-    assert np.abs(found.x).max() > 0.02
-    np.testing.assert_allclose(estimator.damping[0, 4, [0, 2]] / unit, found.x, rtol=0.08, atol=1e-3)
+    assert np.abs(found.x).max() > 0.02 * share
+    chosen = estimator.damping[0, 4, [0, 2]] / unit
+    np.testing.assert_allclose(chosen, found.x, rtol=tolerance)
+    assert cost(chosen) - found.fun < 0.003 * share * (cost(np.zeros(2)) - found.fun)
     cost(found.x)
     np.testing.assert_allclose(estimator.tip_position[0], outcome[0], atol=2e-6)
 
