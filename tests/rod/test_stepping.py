@@ -216,19 +216,19 @@ def tip_error(case, scene, num_elements, field=None, until=2.0, **options):
     return np.sqrt(np.mean(np.sum((np.array(seen) - tips[: len(seen)]) ** 2, axis=1)))
 
 
-@pytest.mark.parametrize(("num_elements", "tolerance"), [(6, 0.15e-3), (10, 0.04e-3), (20, 0.006e-3)])
+@pytest.mark.parametrize(("num_elements", "tolerance"), [(6, 0.13e-3), (10, 0.02e-3), (20, 0.0033e-3)])
 def test_free_decay_follows_the_spectral_solution(num_elements, tolerance):
     """Released straight under gravity, two seconds without damping; the tip falls by 52 mm."""
     assert tip_error("free_decay", SOFT, num_elements) < tolerance
 
 
-@pytest.mark.parametrize(("num_elements", "tolerance"), [(4, 0.03e-3), (6, 0.006e-3)])
+@pytest.mark.parametrize(("num_elements", "tolerance"), [(4, 0.011e-3), (6, 0.9e-6)])
 def test_rotating_field_follows_the_spectral_solution(num_elements, tolerance):
     scene = SOFT.replace(gravity=(0.0, 0.0, 0.0), drag_rate=5.0)
     assert tip_error("rotating_field", scene, num_elements, rotating) < tolerance
 
 
-@pytest.mark.parametrize(("num_elements", "tolerance"), [(4, 0.15e-3), (6, 0.03e-3)])
+@pytest.mark.parametrize(("num_elements", "tolerance"), [(4, 0.034e-3), (6, 7.5e-6)])
 def test_rotating_field_under_gravity_follows_the_spectral_solution(num_elements, tolerance):
     stiffer = load_scene("paper4_pdms_tip_magnet", modulus=1.48e6).replace(drag_rate=5.0)
     assert tip_error("gravity_rotating_field", stiffer, num_elements, rotating) < tolerance
@@ -251,10 +251,9 @@ def test_two_magnets_follow_the_spectral_solution():
 
 
 def test_error_in_space_falls_faster_than_the_third_power_of_the_element():
-    """Over half a second against the spectral solution, with steps too short to matter."""
+    """Over half a second against the spectral solution, with steps too short to matter; 3.13, then 3.08, were found."""
     errors = [tip_error("free_decay", SOFT, n, until=0.5, time_step=1e-5) for n in (5, 10, 20)]
-    assert np.log2(np.array(errors[:-1]) / errors[1:]).min() > 2.7
-    assert np.log2(errors[0] / errors[-1]) / 2 > 3.0
+    assert np.log2(np.array(errors[:-1]) / errors[1:]).min() > 3.0
 
 
 def test_the_papers_element_does_not_follow_the_spectral_solution():

@@ -10,30 +10,43 @@ from rod.beams import slender_rod
 from scripts.accuracy import CASES, LOADED, LOADED_LIMITS, follow
 
 REFERENCE = np.load(Path(__file__).parents[1] / "reference" / "reference.npz")
-MOVING_LIMITS = {  # mm, RMS of the tip by elements: 1.3 of what was measured
-    "tilted_rotating_field": {4: 9e-4, 6: 1.9e-4, 10: 2.4e-5},
-    "tilted_swing": {4: 0.53, 6: 0.115, 10: 0.035},
+STATIC_ERRORS = {  # mm at the tip by elements, as measured
+    "static_twist": {1: 0.0371, 2: 0.00226, 4: 1.4e-4, 8: 8.74e-6, 16: 5.46e-7},
+    "static_tilted_magnet": {4: 0.00182, 6: 4.58e-4, 10: 1.02e-4, 20: 2.01e-5},
+    "static_axial_magnet": {4: 0.00173, 6: 3.89e-4, 10: 8.63e-5, 20: 1.78e-5},
+    "static_two_tilted_magnets": {4: 0.0342, 6: 0.00635, 10: 3.15e-4, 20: 7.58e-5},
+    "static_pull_slight": {4: 1.91e-5, 6: 1.72e-5, 10: 9.63e-6},
+    "static_pull_straight": {1: 0.0, 4: 0.0, 20: 0.0},
+    "static_pull_aside": {4: 0.0468, 6: 0.0344, 10: 0.0344, 20: 0.0233},
+    "static_sagging": {4: 3.01, 6: 1.36, 10: 0.387, 20: 0.0367},
+    "static_hanging": {4: 0.0082, 6: 0.00364, 10: 0.00131, 20: 3.28e-4},
+    "static_wire_with_weight": {4: 3.3e-4, 6: 3.3e-4, 10: 2.6e-4, 20: 1.4e-4},
 }
+MOVING_ERRORS = {  # mm, RMS of the tip by elements, as measured
+    "tilted_rotating_field": {4: 5.91e-4, 6: 6.51e-5, 10: 4.04e-6},
+    "tilted_swing": {4: 0.214, 6: 0.0622, 10: 0.0175},
+}
+ROUNDING = 2e-7  # mm
 STEEL = slender_rod(youngs_modulus=1e7)
 
 
-@pytest.mark.parametrize(("case", "elements"), [(case, n) for case, limits in LOADED_LIMITS.items() for n in limits])
+@pytest.mark.parametrize(("case", "elements"), [(case, n) for case, found in STATIC_ERRORS.items() for n in found])
 def test_equilibria_under_twist_and_tension_follow_the_independent_reference(case, elements):
-    """Within 1.3 of what a prototype of the element in NumPy leaves; where that is rounding, within 1e-9 mm."""
+    """Within 1.2 of what was measured and rounding; the acceptance figures of `scripts.accuracy` lie above."""
     loaded = LOADED[case]
     found = Simulation(loaded.scene, num_elements=elements).equilibrium(loaded.field, loaded.gradient)
     assert found.reached
     gap = 1e3 * np.linalg.norm(found.tip_position - REFERENCE[f"{case}_tip"])
-    assert gap <= LOADED_LIMITS[case][elements]
+    assert gap <= min(1.2 * STATIC_ERRORS[case][elements] + ROUNDING, LOADED_LIMITS[case][elements])
 
 
-@pytest.mark.parametrize(("case", "elements"), [(case, n) for case, limits in MOVING_LIMITS.items() for n in limits])
+@pytest.mark.parametrize(("case", "elements"), [(case, n) for case, found in MOVING_ERRORS.items() for n in found])
 def test_moving_rods_with_a_tilted_magnet_follow_the_independent_reference(case, elements):
     """At the default step, whose error in time is the smaller one."""
     scene, field = CASES[case]
     found = follow(Simulation(scene, num_elements=elements), field, REFERENCE[f"{case}_time"])
     gap = 1e3 * np.linalg.norm(found[:, 0] - REFERENCE[f"{case}_tip"], axis=1)
-    assert np.sqrt(np.mean(gap**2)) <= MOVING_LIMITS[case][elements]
+    assert np.sqrt(np.mean(gap**2)) <= 1.3 * MOVING_ERRORS[case][elements]
 
 
 @pytest.mark.parametrize("elements", [1, 3, 6])
