@@ -106,7 +106,7 @@ def test_finished_seeds_are_taken_from_the_file(tmp_path, monkeypatch):
 class Known:
     """Runs that are given instead of simulated; "asked" made `made` J of energy."""
 
-    length = LENGTH
+    length, order = LENGTH, 2
 
     def __init__(self, precision="float64", made=0.0, **tips):
         self.precision, self.tips, self.made = precision, tips, made

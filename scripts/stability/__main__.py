@@ -83,6 +83,8 @@ class Args:
     """JSON-lines file of the random scenes that are done; else extreme.jsonl beside --json"""
     page: Path | None = None
     """where to write the page of documentation"""
+    scenes: int | None = None
+    """number of random scenes; None for all"""
     replay: int | None = None
     """only show one random scene, by its seed"""
 
@@ -101,7 +103,7 @@ def measure(args: Args) -> Report:
         if args.figures:
             figures.draw_long(kept, args.figures)
     if "extreme" in chosen:
-        records = extreme(report, args.quick, lines)
+        records = extreme(report, args.quick, lines, args.scenes)
         if args.figures:
             figures.draw_extreme(records, args.figures)
     if "stiff" in chosen:

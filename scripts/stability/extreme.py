@@ -40,7 +40,9 @@ def record(trial: Trial, verdict: Verdict, runs: Runs, wall: float) -> dict[str,
         "energy_made": number(verdict.energy_made),
         "finer": verdict.finer,
         "kind": trial.kind.name,
+        "judge": runs.integrators,
         "course": trial.course,
+        "changes": len(trial.changes) if plan is None else int((trial.changes < plan.duration).sum()),
         "elements": trial.num_elements,
         "step": "default" if trial.share is None else "given",
         "share": number(trial.share),
@@ -138,9 +140,9 @@ def silent(records: list[dict[str, Any]]) -> Table:
     return table
 
 
-def extreme(report: Report, quick: bool, path: Path | None) -> list[dict[str, Any]]:
-    """All scenes, their tables and checks."""
-    seeds = range(SCENES[quick])
+def extreme(report: Report, quick: bool, path: Path | None, scenes: int | None = None) -> list[dict[str, Any]]:
+    """All scenes, or the first so many, their tables and checks."""
+    seeds = range(scenes or SCENES[quick])
     records = campaign(seeds, quick, path)
     kinds = sorted({line["kind"] for line in records})
     spread = np.quantile([line["periods"] for line in records if line["periods"] is not None], (0.1, 0.5, 0.9))
@@ -153,6 +155,11 @@ def extreme(report: Report, quick: bool, path: Path | None) -> list[dict[str, An
     )
     report.show("extreme_kinds", counts(records, "Extreme scenes: endings by kernel", "kind", kinds, note))
     report.show("extreme_courses", counts(records, "Extreme scenes: endings by field", "course", list(COURSES)))
+    judges = sorted({line["judge"] for line in records})
+    words = (
+        "Integrator of the run, and of the one with more elements that judges it: the explicit one where it can follow."
+    )
+    report.show("extreme_judges", counts(records, "Extreme scenes: endings by integrator", "judge", judges, words))
     report.show("extreme_steps", counts(records, "Extreme scenes: endings by time step", "step", ["default", "given"]))
     report.show("extreme_elements", by_elements(records))
     report.show("extreme_reasons", reasons(records))
@@ -164,9 +171,7 @@ def extreme(report: Report, quick: bool, path: Path | None) -> list[dict[str, An
     if len(records) >= CHANCE:
         report.checks.append(Check("extreme", what, untold, COARSE_SILENT, ""))
     done = float(len(records))
-    report.checks.append(
-        Check("extreme", "random scenes with an ending", done, float(SCENES[quick]), "", at_least=True)
-    )
+    report.checks.append(Check("extreme", "random scenes with an ending", done, float(len(seeds)), "", at_least=True))
     return records
 
 
@@ -176,6 +181,7 @@ def replay(seed: int, quick: bool) -> None:
     print(trial)
     verdict, runs = judge(trial, BUDGET[quick])
     print(verdict)
+    print(runs.integrators)
     for name in ("asked", "finer", "double", *HALVED[1:4], "disturbed quarter"):
         if runs.plan is None:
             break
