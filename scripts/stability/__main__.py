@@ -6,7 +6,7 @@ extreme: thousands of random scenes, each of which must end as correct, coarse (
 it badly, as finer runs show) with or without a warning, reported, or sensitive (finer runs differ among themselves);
 none may be wrong and silent.
 stiff: speed and error of thin metal rods.
-commands: environments under bang-bang commands.
+commands: environments under coils at their limit that flip every few control steps.
 
 Exit status 1 where a check is not met.
 """
@@ -58,6 +58,11 @@ the rod; *silent*: it missed that. *Reported*: a status or a refusal, with advic
 with loads changed by 1e-4, disagree among themselves. *Wrong and silent* must be zero. The truth here is this same
 code run finer; independent truths are in [accuracy](accuracy.md). Scenes are kept as they are done (`--resume`): this
 table gathers several runs, between which the code under test did not change.
+
+Fields step, reverse, rise, turn and swing, flip to and fro up to sixty times (*flips*), or are drawn anew as an agent
+explores (*random*), every twentieth to three periods of the scene; every run of a scene has the same field at the same
+times. Implicit runs are judged by an explicit one with more elements wherever that can follow the motion for a period;
+else, as in the table of integrators, by a quarter of their own step.
 
 **Thin metal rods.** At the speed of a conditioned explicit run, implicit steps err less on rods that ring, and about as
 much on a wire in a slow field. A tolerance takes them by itself.
