@@ -258,7 +258,7 @@ def test_finished_seeds_are_taken_from_the_file(tmp_path, monkeypatch):
 class Known:
     """Runs that are given instead of simulated; "asked" made `made` J of energy."""
 
-    length, order = LENGTH, 2
+    length, order, independent = LENGTH, 2, False
 
     def __init__(self, precision="float64", made=0.0, **tips):
         self.precision, self.tips, self.made = precision, tips, made
@@ -317,6 +317,19 @@ def test_the_error_of_a_step_of_fourth_order_may_fall_faster():
     assert classify(runs).ending == "wrong and silent"
     runs.order = 4
     assert (classify(runs).ending, classify(runs).reason) == ("coarse, silent", "step")
+
+
+def test_explicit_runs_that_agree_excuse_no_implicit_one():
+    """Finer implicit runs that disagree make a trial sensitive only where explicit ones disagree too."""
+    phases = {"asked": 0.3, "half": 1.0, "quarter": 2.0, "eighth": 3.0, "disturbed quarter": 2.0, "explicit": 0.01}
+    runs = Known(**{name: swing(phase) for name, phase in phases.items()}, finer=swing())
+    assert classify(runs).ending == "sensitive"
+    runs.independent = True
+    assert (classify(runs).ending, classify(runs).reason) == ("coarse, silent", "step")
+    runs.tips["sixty-fourth"] = swing(0.2)
+    assert classify(runs).ending == "wrong and silent"
+    runs.tips["explicit"] = swing(1.0)
+    assert classify(runs).ending == "sensitive"
 
 
 def test_a_step_whose_error_falls_late_is_coarse_too():

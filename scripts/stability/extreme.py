@@ -155,7 +155,7 @@ def extreme(report: Report, quick: bool, path: Path | None, scenes: int | None =
         f"Simulated: {spread[0]:.2g}, {spread[1]:.2g} and {spread[2]:.2g} own periods (first, middle and last tenth). "
         f"Of the correct ones, {risen} ended with a tip within {100 * TOLERANCE:g} % although the energy rose by more "
         f"than a tenth beyond what the field put in, and {warned} had a warning of too few elements. "
-        f"Of the coarse, silent ones, {short} lasted less than {SHORT:g} own periods, all that a finer run could afford."
+        f"Of the coarse, silent ones, {short} lasted less than {SHORT:g} own periods: a finer run could afford no more."
     )
     report.show("extreme_kinds", counts(records, "Extreme scenes: endings by kernel", "kind", kinds, note))
     report.show("extreme_courses", counts(records, "Extreme scenes: endings by field", "course", list(COURSES)))

@@ -249,7 +249,8 @@ class Verdict:
         ending: one of ENDINGS.
         reason: what was reported, or which of elements, step and float32 is coarse, or what makes it sensitive.
         error: distance of the tip from the finer run, in its largest excursion.
-        step_error: the same from a quarter of the step with the same elements; None where it was not run.
+        step_error: the same from a quarter of the step with the same elements, or from explicit steps that agree with
+            the finer run; None where it was not run.
         energy_made: in units of the largest kinetic and elastic energy.
         finer: what the finer run reported; "" where it was well, "not run" where the asked one was refused.
     """
@@ -267,14 +268,16 @@ def classify(runs) -> Verdict:
 
     Correct: within TOLERANCE of the finer run. Else the same elements with a quarter of the step tell what is coarse:
     the elements where it agrees; the step where errors fall with it as those of second order do, at once or after
-    further halvings; float32 where the same run in float64 is elsewhere.
+    further halvings; float32 where the same run in float64 is elsewhere. Where explicit runs judge an implicit one and
+    agree, with its elements and with more, its step is at fault, and has to converge to them.
     Sensitive: fine runs, or runs under loads that differ by 1e-4, are further from each other than TOLERANCE or half of
     the error. What is left is wrong and silent, and so is every such run that made energy.
 
     Args:
         runs: called with a name, returns a Run: "asked", "finer" (more elements, smaller step), "double" (the same
             in float64), HALVED (steps, same elements), and "disturbed quarter" and so on (of the step, loads changed
-            by 1e-4); and has the attributes `precision`, `order` (in the step) and `length` (of the rod, m).
+            by 1e-4), "explicit" (the same elements, default step); and has the attributes `precision`, `order` (in
+            the step), `independent` (the finer run of an implicit one is explicit) and `length` (of the rod, m).
     """
     asked = runs("asked")
     if not asked.well:
@@ -288,6 +291,13 @@ def classify(runs) -> Verdict:
     facts = dict(error=apart(asked, finer), energy_made=made, finer=finer.symptom)
     if facts["error"] <= TOLERANCE:
         return Verdict("correct", **facts)
+    if runs.independent and apart(runs("explicit"), finer) <= TOLERANCE:
+        facts["step_error"] = apart(asked, runs("explicit"))
+        if made > ENERGY_MADE:
+            return Verdict("wrong and silent", "energy made", **facts)
+        if apart(runs(HALVED[-1]), runs("explicit")) <= TOLERANCE:
+            return Verdict(COARSE[asked.warned], "step", **facts)
+        return Verdict("wrong and silent", "implicit steps do not converge to explicit ones", **facts)
     quarter = runs("quarter")
     facts["step_error"] = apart(asked, quarter)
     if facts["step_error"] <= TOLERANCE:
@@ -337,6 +347,11 @@ class Runs:
         asked = self.trial.kind.integrator
         return f"{asked} by {asked if self.plan is None else self.fine.integrator}"
 
+    @property
+    def independent(self) -> bool:
+        """Whether explicit runs judge an implicit one."""
+        return self.trial.kind.integrator != "explicit" and self.fine.integrator == "explicit"
+
     def __call__(self, name: str) -> Run:
         if name not in self.known:
             self.known[name] = self._run(name)
@@ -347,6 +362,9 @@ class Runs:
             return follow(self.trial, self.coarse, self.plan, to_the_end=False)
         if name == "finer":
             return follow(self.trial, self.fine, self.plan)
+        if name == "explicit":
+            same = build(self.trial, self.trial.num_elements, default=True, integrator="explicit")
+            return follow(self.trial, same, self.plan)
         step = name.removeprefix("disturbed ")
         parts = 1 if step == "double" else 2 ** HALVED.index(step)
         trial = self.trial if name == step else disturbed(self.trial)
