@@ -28,7 +28,8 @@ INTERVALS = 120  # of constant field at most, where it does not change suddenly 
 STEPS_AN_INTERVAL = {"explicit": 8, "implicit": 2, "implicit4": 1}  # at least, but between sudden changes
 NANOSECONDS = {None: 170.0, "xz": 60.0}  # of an explicit step and element, to plan with
 NANOSECONDS_IMPLICIT = 2500.0  # of a midpoint step and element
-EXPLICIT_BUDGET = 5.0  # times the budget, where an explicit run judges an implicit one
+LARGER_BUDGET = 5.0  # times the budget, where an explicit run judges an implicit one or one with internal damping
+DAMPED_STEP = 0.125  # of the explicit step of a run that judges: errors of internal damping fall slowly with the step
 FINER_IMPLICIT = 0.25  # of the step: of the implicit run that judges where an explicit one takes too long
 COARSE = {True: "coarse, warned", False: "coarse, silent"}
 ENDINGS = ("correct", COARSE[True], "reported", "sensitive", COARSE[False], "wrong and silent")
@@ -138,9 +139,13 @@ def finer(trial: Trial, coarse: Simulation, budget: float) -> tuple[Simulation, 
     least, duration = LEAST_STEPS[coarse.integrator] * coarse.time_step, trial.periods * own
     if coarse.integrator == "explicit":
         judge.time_step = min(judge.time_step, 0.5 * coarse.time_step)
-        return judge, min(duration, max(affordable(judge, budget), least))
+    if trial.kind.damping:
+        judge.time_step = DAMPED_STEP * judge.time_step
+    if coarse.integrator == "explicit":
+        seconds = LARGER_BUDGET * budget if trial.kind.damping else budget
+        return judge, min(duration, max(affordable(judge, seconds), least))
     duration = max(duration, least)
-    reach = affordable(judge, EXPLICIT_BUDGET * budget)
+    reach = affordable(judge, LARGER_BUDGET * budget)
     if reach >= min(duration, max(own, least)):
         return judge, min(duration, reach)
     judge = build(trial, elements, default=True)
@@ -276,7 +281,7 @@ def classify(runs) -> Verdict:
     Args:
         runs: called with a name, returns a Run: "asked", "finer" (more elements, smaller step), "double" (the same
             in float64), HALVED (steps, same elements), and "disturbed quarter" and so on (of the step, loads changed
-            by 1e-4), "explicit" (the same elements, default step); and has the attributes `precision`, `order` (in
+            by 1e-4), "explicit" (the same elements); and has the attributes `precision`, `order` (in
             the step), `independent` (the finer run of an implicit one is explicit) and `length` (of the rod, m).
     """
     asked = runs("asked")
@@ -364,6 +369,7 @@ class Runs:
             return follow(self.trial, self.fine, self.plan)
         if name == "explicit":
             same = build(self.trial, self.trial.num_elements, default=True, integrator="explicit")
+            same.time_step = min(same.time_step, self.fine.time_step)
             return follow(self.trial, same, self.plan)
         step = name.removeprefix("disturbed ")
         parts = 1 if step == "double" else 2 ** HALVED.index(step)
