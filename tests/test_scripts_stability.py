@@ -1,5 +1,6 @@
 """Smoke test of scripts/stability, and its judgement on runs whose fate is known."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -8,10 +9,21 @@ import pytest
 from magrod_env import Simulation
 from scripts.stability import extreme
 from scripts.stability.bound import disturb, first_failure, grows, limit, silent_simulation, undamped
-from scripts.stability.drawing import COURSES, KINDS, draw, first_period
+from scripts.stability.commands import EVERY, RODS, SIGNS, drive, flips
+from scripts.stability.drawing import COURSES, HOLD, KINDS, SUDDEN, draw, first_period, own_time
 from scripts.stability.long import axial_momentum, drift, start_swinging, swinging_scene, verdict
 from scripts.stability.stiff import TASKS, first_mode, perform
-from scripts.stability.verdict import ENDINGS, Run, build, classify, distance, finer_elements
+from scripts.stability.verdict import (
+    ENDINGS,
+    Run,
+    Runs,
+    build,
+    classify,
+    distance,
+    finer_elements,
+    follow,
+    plan,
+)
 from tests.test_scripts_bench import assert_well_formed, columns, run_quick
 
 LENGTH = 0.1
@@ -89,6 +101,146 @@ def test_the_first_period_is_about_that_of_the_linearised_rod():
     assert checked > 5
 
 
+def sudden(course, steps=1, **wanted):
+    """The first trial of quick kinds, of a rod up to 50 widths long, whose field changes suddenly more than `steps`
+    times.
+    """
+    trials = (draw(seed, True) for seed in range(2000))
+    return next(
+        trial
+        for trial in trials
+        if trial.course == course
+        and len(trial.changes) > steps
+        and trial.scene.rod.length < 50.0 * trial.scene.rod.width
+        and all(getattr(trial.kind, name) == value for name, value in wanted.items())
+    )
+
+
+def gentle(trial, couple):
+    """The trial without gravity, with 4 elements and the default step, in a field of m B L = `couple` EI."""
+    rod, magnet = trial.scene.rod, trial.scene.magnets[0]
+    field = couple * rod.bending_stiffness / (magnet.moment * rod.length)
+    changes = trial.changes * own_time(trial.scene.replace(gravity=None), field) / own_time(trial.scene, trial.field)
+    return dataclasses.replace(
+        trial,
+        scene=trial.scene.replace(gravity=(0.0, 0.0, 0.0)),
+        field=field,
+        share=None,
+        hanging=False,
+        num_elements=4,
+        changes=changes,
+    )
+
+
+@pytest.mark.parametrize("course", SUDDEN)
+def test_a_sudden_field_is_constant_between_its_changes(course):
+    trial = sudden(course, steps=3)
+    holds = np.diff(trial.changes)
+    own = own_time(trial.scene, trial.field)
+    assert trial.changes[0] == 0.0 and np.all(holds > 0.1 * HOLD[0] * own) and np.all(holds < 2.0 * HOLD[1] * own)
+    edges = trial.changes
+    begins, ends = edges[:-1] + 1e-6 * holds, edges[1:] - 1e-6 * holds
+    one, other = (trial.fields(times, edges[-1], own) for times in (begins, ends))
+    np.testing.assert_array_equal(one, other)
+    assert np.any(np.diff(one, axis=0) != 0.0)
+
+
+def test_flips_go_to_and_fro_and_some_of_them_aside_or_to_zero():
+    trials = [trial for trial in map(draw, range(300)) if trial.course == "flips"]
+    regular = [trial for trial in trials if np.abs(trial.shares[:, 0]).all()]
+    assert 0.3 * len(trials) < len(regular) < 0.8 * len(trials)
+    for trial in regular:
+        np.testing.assert_array_equal(trial.shares[:, 0], (-1.0) ** np.arange(len(trial.changes)))
+    broken = np.concatenate([trial.shares for trial in trials if trial not in regular])
+    assert np.abs(broken[:, 1]).any() and not np.abs(broken).any(axis=1).all()
+
+
+class Recorder:
+    """A simulation that notes each stretch of constant field: when it begins and ends, the field and the step."""
+
+    def __init__(self, simulation):
+        self.simulation, self.stretches, self.field = simulation, [], None
+
+    def __getattr__(self, name):
+        return getattr(self.simulation, name)
+
+    def __setattr__(self, name, value):
+        if name == "_time_step":
+            self.simulation._time_step = value
+        else:
+            super().__setattr__(name, value)
+
+    def advance(self, duration, field=None):
+        self.field = self.field if field is None else field
+        begin = self.simulation.time
+        self.simulation.advance(duration, field=field)
+        if duration > 0.0:
+            steps = math.ceil(duration / self.simulation.time_step - 1e-9)
+            self.stretches.append((begin, self.simulation.time, *self.field, steps))
+
+
+@pytest.mark.parametrize("integrator", ["explicit", "implicit"])
+def test_all_runs_of_a_trial_see_the_same_field_at_the_same_times(integrator):
+    runs = Runs(gentle(sudden("flips", steps=2, integrator=integrator, element="helical"), 0.01), 0.05)
+    trial, coarse = runs.trial, runs.coarse
+    seen = {}
+    for name, simulation, step, parts in (
+        ("asked", coarse, None, 1),
+        ("quarter", build(trial, trial.num_elements, default=True), coarse.time_step, 4),
+        ("finer", runs.fine, None, 1),
+    ):
+        recorder = Recorder(simulation)
+        assert follow(trial, recorder, runs.plan, step=step, parts=parts).complete
+        seen[name] = np.array(recorder.stretches)
+    for name in ("quarter", "finer"):
+        np.testing.assert_allclose(seen[name][:, :2], seen["asked"][:, :2], rtol=1e-9, atol=1e-12)
+        np.testing.assert_array_equal(seen[name][:, 2:5], seen["asked"][:, 2:5])
+    np.testing.assert_array_equal(seen["quarter"][:, 5], 4 * seen["asked"][:, 5])
+    changed = np.flatnonzero(np.any(np.diff(seen["asked"][:, 2:5], axis=0) != 0.0, axis=1)) + 1
+    assert len(changed) > 0
+    for time in seen["asked"][changed, 0]:
+        assert np.abs(trial.changes - time).min() < 1e-9 * runs.plan.duration
+
+
+def test_flips_are_seen_as_sudden_changes():
+    """The field that needs no warning as one step needs one where it flips."""
+    flipping = gentle(sudden("flips", steps=10, integrator="explicit", element="helical", precision="float64"), 1.0)
+    flipping = dataclasses.replace(flipping, axial_softening=1.0, rotary_scaling=1.0)
+    coarse = build(flipping, 4)
+    edges = plan(flipping, coarse, 0.999 * flipping.changes[-1])
+    assert follow(flipping, coarse, edges).warned
+    assert not follow(dataclasses.replace(flipping, course="step"), build(flipping, 4), edges).warned
+
+
+def test_a_plan_has_an_edge_at_every_sudden_change():
+    trial = sudden("random", steps=5)
+    coarse = build(trial, trial.num_elements)
+    duration = 1.001 * float(trial.changes[-1])
+    edges = plan(trial, coarse, duration).edges
+    assert np.all(np.diff(edges) > 0.0) and edges[-1] == duration
+    assert np.isin(trial.changes, edges).all()
+
+
+def test_an_implicit_run_is_judged_by_an_explicit_one_where_that_can_follow():
+    found = {}
+    for trial in (draw(seed, True) for seed in range(400)):
+        if trial.kind.integrator == "implicit" and len(found) < 2:
+            runs = Runs(trial, 0.05)
+            if runs.plan is not None:
+                found.setdefault(runs.integrators, runs)
+    assert set(found) == {"implicit by explicit", "implicit by implicit"}
+    fine, coarse = (found["implicit by implicit"].__dict__[name] for name in ("fine", "coarse"))
+    assert fine.time_step <= 0.25 * coarse.time_step and fine.num_elements > coarse.num_elements
+
+
+def test_a_given_implicit_step_is_a_factor_of_the_default_one():
+    trials = (draw(seed, True) for seed in range(400))
+    trial = next(trial for trial in trials if trial.kind.integrator == "implicit" and trial.share)
+    default = build(trial, trial.num_elements, default=True).time_step
+    assert 0.25 <= trial.share <= 2.0
+    np.testing.assert_allclose(build(trial, trial.num_elements).time_step, trial.share * default)
+
+
 def test_finished_seeds_are_taken_from_the_file(tmp_path, monkeypatch):
     path = tmp_path / "extreme.jsonl"
     judged = []
@@ -106,7 +258,7 @@ def test_finished_seeds_are_taken_from_the_file(tmp_path, monkeypatch):
 class Known:
     """Runs that are given instead of simulated; "asked" made `made` J of energy."""
 
-    length = LENGTH
+    length, order, independent = LENGTH, 2, False
 
     def __init__(self, precision="float64", made=0.0, **tips):
         self.precision, self.tips, self.made = precision, tips, made
@@ -157,6 +309,27 @@ def test_a_step_is_coarse_where_its_error_is_of_second_order():
     phases = {"asked": 0.32, "half": 0.08, "quarter": 0.02, "eighth": 0.005}
     found = classify(Known(**{name: swing(phase) for name, phase in phases.items()}, finer=swing()))
     assert (found.ending, found.reason) == ("coarse, silent", "step")
+
+
+def test_the_error_of_a_step_of_fourth_order_may_fall_faster():
+    phases = {"asked": 0.32, "half": 0.01, "quarter": 0.0006, "eighth": 0.00004}
+    runs = Known(**{name: swing(phase) for name, phase in phases.items()}, finer=swing())
+    assert classify(runs).ending == "wrong and silent"
+    runs.order = 4
+    assert (classify(runs).ending, classify(runs).reason) == ("coarse, silent", "step")
+
+
+def test_explicit_runs_that_agree_excuse_no_implicit_one():
+    """Finer implicit runs that disagree make a trial sensitive only where explicit ones disagree too."""
+    phases = {"asked": 0.3, "half": 1.0, "quarter": 2.0, "eighth": 3.0, "disturbed quarter": 2.0, "explicit": 0.01}
+    runs = Known(**{name: swing(phase) for name, phase in phases.items()}, finer=swing())
+    assert classify(runs).ending == "sensitive"
+    runs.independent = True
+    assert (classify(runs).ending, classify(runs).reason) == ("coarse, silent", "step")
+    runs.tips["sixty-fourth"] = swing(0.2)
+    assert classify(runs).ending == "wrong and silent"
+    runs.tips["explicit"] = swing(1.0)
+    assert classify(runs).ending == "sensitive"
 
 
 def test_a_step_whose_error_falls_late_is_coarse_too():
@@ -277,3 +450,43 @@ def test_a_plucked_rod_swings_to_the_offset_that_was_asked_for():
     tips, wall = perform(task, simulation, 0.3)
     np.testing.assert_allclose(np.abs(tips[:, 1:]).max(axis=0), task.offset, rtol=0.1)
     assert wall > 0.0
+
+
+# ---- commands
+
+
+@pytest.mark.parametrize("every", EVERY)
+def test_commands_flip_every_few_steps(every):
+    for signs in SIGNS:
+        actions = flips(np.random.default_rng(0), (50, 3), every, signs, 20)
+        assert actions.shape == (20, 50, 3) and np.all(np.abs(actions) == 1.0)
+        changed = np.any(actions[1:] != actions[:-1], axis=(1, 2))
+        np.testing.assert_array_equal(np.flatnonzero(changed) + 1, np.arange(every, 20, every))
+        turned = (actions[every] == -actions[0]).mean()
+        assert turned == 1.0 if signs == "in phase" else 0.3 < turned < 0.7
+    assert set(RODS) == {"nominal", "randomised"}
+
+
+def test_every_lost_rod_is_counted_once_with_what_was_reported():
+    class Batch:
+        """Two rods, the second lost in the second step; its episode begins anew in the third."""
+
+        num_envs, step_number = 2, 0
+        unwrapped = property(lambda self: self)
+        core = property(lambda self: self)
+        batch = property(lambda self: self)
+        status = np.zeros(2, int)
+
+        def reset(self, seed):
+            self.step_number = 0
+
+        def step(self, action):
+            self.step_number += 1
+            lost = np.array([False, self.step_number == 2])
+            self.status = np.where(lost, 2, 0)
+            tips = np.where(lost[:, None] | np.array([[self.step_number == 3], [False]]), np.nan, np.zeros((2, 3)))
+            return None, None, lost, np.zeros(2, bool), {"tip_position": tips}
+
+    fate = drive(Batch(), np.ones((4, 2, 3)))
+    assert fate.steps == 7 and fate.lost.total() == 1 and fate.unreported == 1
+    assert next(iter(fate.lost)).startswith("one element has bent")

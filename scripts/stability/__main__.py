@@ -6,7 +6,7 @@ extreme: thousands of random scenes, each of which must end as correct, coarse (
 it badly, as finer runs show) with or without a warning, reported, or sensitive (finer runs differ among themselves);
 none may be wrong and silent.
 stiff: speed and error of thin metal rods.
-commands: environments under bang-bang commands.
+commands: environments under coils at their limit that flip every few control steps.
 
 Exit status 1 where a check is not met.
 """
@@ -59,6 +59,12 @@ with loads changed by 1e-4, disagree among themselves. *Wrong and silent* must b
 code run finer; independent truths are in [accuracy](accuracy.md). Scenes are kept as they are done (`--resume`): this
 table gathers several runs, between which the code under test did not change.
 
+Fields step, reverse, rise, turn and swing, flip to and fro up to sixty times (*flips*), or are drawn anew as an agent
+explores (*random*), every twentieth to three periods of the scene; every run of a scene has the same field at the same
+times. Implicit runs are judged by an explicit one with more elements wherever that can follow the motion for a period;
+else, as in the table of integrators, by a quarter of their own step. Explicit judges of rods with internal damping,
+whose errors fall slowly with the step, take an eighth of the usual one.
+
 **Thin metal rods.** At the speed of a conditioned explicit run, implicit steps err less on rods that ring, and about as
 much on a wire in a slow field. A tolerance takes them by itself.
 """
@@ -83,6 +89,8 @@ class Args:
     """JSON-lines file of the random scenes that are done; else extreme.jsonl beside --json"""
     page: Path | None = None
     """where to write the page of documentation"""
+    scenes: int | None = None
+    """number of random scenes; None for all"""
     replay: int | None = None
     """only show one random scene, by its seed"""
 
@@ -101,7 +109,7 @@ def measure(args: Args) -> Report:
         if args.figures:
             figures.draw_long(kept, args.figures)
     if "extreme" in chosen:
-        records = extreme(report, args.quick, lines)
+        records = extreme(report, args.quick, lines, args.scenes)
         if args.figures:
             figures.draw_extreme(records, args.figures)
     if "stiff" in chosen:

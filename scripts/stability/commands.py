@@ -1,6 +1,10 @@
-"""Environments under the worst commands: every coil at its limit, its sign drawn anew at every control step."""
+"""Environments under the worst commands: every coil at its limit, its sign flipped every few control steps."""
 
 from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -8,31 +12,104 @@ from tqdm import tqdm
 
 import magrod_env  # noqa: F401  (registers the ids)
 from agents.rollout import REAL_RODS
+from magrod_env.registration import IDS
+from magrod_env.simulation import _SYMPTOMS, PRECISIONS
 from scripts import Check, Report, Table
 
-IDS = ("Circle", "Path", "Reach", "PlanarReach", "TwoMagnet")
+EVERY = (1, 2, 3, 4, 6, 9)  # control steps between flips
+SIGNS = ("in phase", "drawn anew")
+LEAST_STEPS = 1e6  # of all rods of an id together
+RODS: dict[str, dict[str, Any]] = {"nominal": {}, "randomised": {"randomization": REAL_RODS}}
+
+
+@dataclass(frozen=True)
+class Size:
+    """Ids, environments of a batch, control steps of a pattern of commands."""
+
+    ids: tuple[str, ...]
+    envs: int
+    steps: int
+
+
+SIZES = {True: Size(("MagRod/PlanarReach-v0",), 16, 18), False: Size(tuple(IDS), 64, 400)}
+
+
+@dataclass
+class Fate:
+    """What became of the rods of one environment under one pattern of commands.
+
+    Args:
+        steps: control steps of all rods.
+        lost: rods by what was reported of them.
+        unreported: rods with a tip that is not finite, but no report.
+    """
+
+    steps: int = 0
+    lost: Counter[str] = field(default_factory=Counter)
+    unreported: int = 0
+
+
+def flips(rng: np.random.Generator, shape: tuple[int, ...], every: int, signs: str, steps: int) -> np.ndarray:
+    """Commands (steps, *shape) of size 1: "in phase", each coil with a sign of its own, all of them turned over every
+    so many control steps, or every sign "drawn anew" then.
+    """
+    count = -(-steps // every)
+    if signs == "in phase":
+        held = rng.choice([-1.0, 1.0], shape) * (-1.0) ** np.arange(count).reshape(-1, *(1,) * len(shape))
+    else:
+        held = rng.choice([-1.0, 1.0], (count, *shape))
+    return np.repeat(held, every, axis=0)[:steps]
+
+
+def drive(batch: Any, commands: np.ndarray) -> Fate:
+    """Run a batch of environments, whose ended episodes begin anew in the next step."""
+    fate, over = Fate(), np.zeros(batch.num_envs, bool)
+    batch.reset(seed=0)
+    for action in commands:
+        _, _, terminated, truncated, info = batch.step(action)
+        status = batch.unwrapped.core.batch.status
+        fate.steps += int((~over).sum())
+        fate.lost.update(_SYMPTOMS[int(one)] for one in status[terminated])
+        fate.unreported += int((~np.isfinite(info["tip_position"]).all(axis=1) & ~terminated).sum())
+        over = terminated | truncated
+    return fate
 
 
 def commands(report: Report, quick: bool) -> None:
-    """Rods that are lost under bang-bang commands, nominal and randomised."""
+    """Rods that are lost under commands at the coils' limit, nominal and randomised, in both precisions."""
+    size = SIZES[quick]
     table = Table(
         "Environments under bang-bang commands at the coils' limit",
-        ("id", "rods", "elements", "rotary scaling", "substeps of 20 ms", "control steps of a rod", "lost"),
-        note="A lost rod is reported, its episode ends and a new one begins.",
+        ("id", "rods", "precision", "elements", "rotary scaling", "substeps of 20 ms", "control steps", "lost"),
+        note=f"Flips every {', '.join(map(str, EVERY))} control steps: of all coils in phase, each with a sign of its "
+        "own, and with signs drawn anew. A lost rod is reported, its episode ends and a new one begins.",
     )
-    envs, steps = (32, 25) if quick else (512, 200)
-    for name in tqdm(IDS[-1:] if quick else IDS, desc="commands", leave=False):
-        for rods, settings in (("nominal", {}), ("randomised", {"randomization": REAL_RODS})):
-            batch = gymnasium.make_vec(f"MagRod/{name}-v0", num_envs=envs, **settings)
-            generator, lost = np.random.default_rng(0), 0
-            batch.reset(seed=0)
-            for _ in range(steps):
-                _, _, terminated, _, _ = batch.step(generator.choice([-1.0, 1.0], batch.action_space.shape))
-                lost += int(terminated.sum())
+    losses = Table("Rods lost under bang-bang commands", ("id", "rods", "precision", "flips every", "signs", "lost"))
+    done, lost, unreported = Counter[str](), 0, 0
+    cases = [(name, rods, precision) for name in size.ids for rods in RODS for precision in PRECISIONS]
+    with tqdm(total=len(cases) * len(EVERY) * len(SIGNS), desc="commands", leave=False) as bar:
+        for name, rods, precision in cases:
+            batch = gymnasium.make_vec(name, num_envs=size.envs, precision=precision, **RODS[rods])
+            total, gone = 0, 0
+            for number, (every, signs) in enumerate((every, signs) for every in EVERY for signs in SIGNS):
+                rng = np.random.default_rng(number)
+                fate = drive(batch, flips(rng, batch.action_space.shape, every, signs, size.steps))
+                words = ", ".join(f"{count}: {symptom}" for symptom, count in fate.lost.most_common())
+                if words:
+                    losses.rows.append((name, rods, precision, every, signs, words))
+                total, gone = total + fate.steps, gone + fate.lost.total()
+                unreported += fate.unreported
+                bar.update()
             core = batch.unwrapped.core
-            table.rows.append(
-                (name, rods, core.num_elements, core.resolution.rotary_scaling, core.num_steps, envs * steps, lost)
-            )
+            about = (core.num_elements, core.resolution.rotary_scaling, core.num_steps)
+            table.rows.append((name, rods, precision, *about, total, gone))
+            done[name], lost = done[name] + total, lost + gone
     report.show("commands", table)
-    share = sum(row[-1] for row in table.rows) / sum(row[-2] for row in table.rows)
-    report.checks.append(Check("commands", "rods lost a control step", share, 1e-5, ""))
+    if losses.rows:
+        report.show("commands_lost", losses)
+    report.checks.append(Check("commands", "rods lost", float(lost), 0.0, ""))
+    report.checks.append(Check("commands", "tips that are not finite and not reported", float(unreported), 0.0, ""))
+    if not quick:
+        fewest = float(min(done.values()))
+        what = "control steps of rods, least of all ids"
+        report.checks.append(Check("commands", what, fewest, LEAST_STEPS, "", at_least=True))

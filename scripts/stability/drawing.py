@@ -12,7 +12,12 @@ from magrod_env.magnetics import dipole_moment
 
 GRAVITY = 9.81  # m/s^2
 SMALL_TURN = (1e-2, 0.3)  # rad: how far a field beyond the critical one lies off the line against the dipole
-COURSES = ("step", "reversal", "ramp", "antiparallel", "resonance", "turning")
+COURSES = ("step", "reversal", "ramp", "antiparallel", "resonance", "turning", "flips", "random")
+SUDDEN = ("flips", "random")  # courses with many sudden changes
+WEIGHTS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 1.5)  # of the courses
+MOST_CHANGES = 60
+HOLD = (0.05, 3.0)  # own times of the scene between sudden changes
+FACTOR = (0.25, 2.0)  # of the default step that a given implicit one is
 
 
 @dataclass(frozen=True)
@@ -27,6 +32,7 @@ class Kind:
     element: str = "helical"
     plane: str | None = None
     precision: str = "float64"
+    integrator: str = "explicit"
     weight: float = 1.0
 
 
@@ -42,8 +48,18 @@ KINDS = (
     Kind("one magnet, nodal", element="nodal"),
     Kind("one magnet, nodal, planar", element="nodal", plane="xz", weight=0.5),
     Kind("one magnet, float32", precision="float32", weight=1.5),
+    Kind("one magnet, internal damping, float32", damping=True, precision="float32"),
+    Kind("one magnet, internal damping, planar", damping=True, plane="xz"),
+    Kind("one magnet, internal damping, planar, float32", damping=True, plane="xz", precision="float32", weight=0.5),
+    Kind("one magnet, implicit", integrator="implicit", weight=1.5),
+    Kind("one magnet, implicit, planar", plane="xz", integrator="implicit", weight=0.5),
+    Kind("one magnet, internal damping, implicit", damping=True, integrator="implicit"),
+    Kind("two magnets, drag, implicit", magnets=2, drag=True, integrator="implicit"),
+    Kind("two magnets, drag, internal damping, implicit", magnets=2, drag=True, damping=True, integrator="implicit"),
+    Kind("one magnet, implicit4", integrator="implicit4", weight=1.5),
+    Kind("two magnets, drag, implicit4", magnets=2, drag=True, integrator="implicit4"),
 )
-QUICK = ("one magnet", "one magnet, planar", "one magnet, nodal", "one magnet, float32")
+QUICK = ("one magnet", "one magnet, planar", "one magnet, nodal", "one magnet, float32", "one magnet, implicit")
 
 
 @dataclass(frozen=True)
@@ -62,9 +78,12 @@ class Trial:
         hanging: start from the equilibrium under gravity, else straight.
         periods: to simulate, of the scene's own time (see `own_time`).
         num_elements: along the rod.
-        share: of the bound in the strongest field that the step is; None for the default step.
+        share: of the bound in the strongest field that the step is, or of the default step that an implicit one is;
+            None for the default step.
         told: whether the simulation is told of the strongest field (`expected_field`).
         axial_softening, rotary_scaling: conditioning.
+        changes: s, when the field changes suddenly, increasing from 0, (K,); none in courses that are not SUDDEN.
+        shares: of `field` along `first`, `second` and their normal from each change on, (K, 3).
     """
 
     seed: int
@@ -82,9 +101,14 @@ class Trial:
     told: bool
     axial_softening: float
     rotary_scaling: float
+    changes: np.ndarray
+    shares: np.ndarray
 
     def fields(self, times: np.ndarray, duration: float, period: float) -> np.ndarray:
         """Field (len(times), 3) T at some times (s) of a run of `duration` (s); `period` (s) of the first mode."""
+        if self.course in SUDDEN:
+            shares = self.shares[np.searchsorted(self.changes, times, side="right") - 1]
+            return self.field * shares @ np.stack([self.first, self.second, np.cross(self.first, self.second)])
         x, phase = times / duration, 2.0 * math.pi * self.tuning * times / period
         along = {
             "step": np.ones_like(x),
@@ -136,7 +160,7 @@ def draw(seed: int, quick: bool = False) -> Trial:
     num_elements = max(len(scene.segment_ends), int(_log(rng, 1.0, 17.0 if quick else 65.0)))
     if kind.damping:
         scene = scene.replace(internal_damping=_damping(rng, scene, num_elements))
-    course = COURSES[rng.choice(len(COURSES))]
+    course = COURSES[rng.choice(len(COURSES), p=np.array(WEIGHTS) / sum(WEIGHTS))]
     first = _direction(rng, kind.plane)
     if course == "antiparallel" and magnets:
         against = -np.sum([magnet.dipole_moment for magnet in magnets], axis=0)
@@ -146,22 +170,31 @@ def draw(seed: int, quick: bool = False) -> Trial:
     second = np.cross(first, (0.0, 1.0, 0.0)) if kind.plane else np.cross(first, _direction(rng, None))
     second = second / np.linalg.norm(second)
     conditioned = rng.random() < 0.25
+    field = _magnitude(rng, rod, magnets, course)
+    periods = rng.uniform(1.0, 4.0) if rng.random() < 0.85 else _log(rng, 4.0, 40.0)
+    changes, shares = np.empty(0), np.empty((0, 3))
+    if course in SUDDEN:
+        holds = _holds(rng)
+        changes, shares = np.cumsum([0.0, *holds[:-1]]), _shares(rng, course, len(holds), kind.plane)
+        changes, periods = changes * own_time(scene, field), float(holds.sum())
     return Trial(
         seed=seed,
         kind=kind,
         scene=scene,
         course=course,
-        field=_magnitude(rng, rod, magnets, course),
+        field=field,
         first=first,
         second=second,
         tuning=rng.uniform(0.9, 1.1),
         hanging=bool(rng.random() < 0.25 and magnets),
-        periods=rng.uniform(1.0, 4.0) if rng.random() < 0.85 else _log(rng, 4.0, 40.0),
+        periods=periods,
         num_elements=num_elements,
-        share=rng.uniform(0.6, 0.99) if rng.random() < 0.4 else None,
+        share=_share(rng, kind) if rng.random() < 0.4 else None,
         told=bool(rng.random() < 0.7),
         axial_softening=_log(rng, 1.0, 1e4) if conditioned else 1.0,
         rotary_scaling=_log(rng, 1.0, 1e4) if conditioned else 1.0,
+        changes=changes,
+        shares=shares,
     )
 
 
@@ -215,12 +248,38 @@ def _rate(rng: np.random.Generator, rod: Rod, magnets: tuple[Magnet, ...]) -> fl
 
 
 def _damping(rng: np.random.Generator, scene: Scene, num_elements: int) -> float:
-    """Kelvin-Voigt time, s: a part of the first period, or of the highest, which an explicit step can follow."""
+    """Kelvin-Voigt time, s, of a damping ratio up to three in the first mode, or up to ten in the highest."""
     rod = scene.rod
     highest = 2.0 * num_elements / rod.length * math.sqrt(rod.youngs_modulus / rod.density)
-    if rng.random() < 0.7:
-        return _log(rng, 1e-3, 10.0) / highest
-    return _log(rng, 1e-4, 0.3) * first_period(scene)
+    if rng.random() < 0.3:
+        return _log(rng, 1e-3, 10.0) * 2.0 / highest
+    return _log(rng, 1e-4, 3.0) * first_period(scene) / math.pi
+
+
+def _share(rng: np.random.Generator, kind: Kind) -> float:
+    return rng.uniform(0.6, 0.99) if kind.integrator == "explicit" else _log(rng, *FACTOR)
+
+
+def _holds(rng: np.random.Generator) -> np.ndarray:
+    """Own times between sudden changes, of equal length or scattered about their mean."""
+    mean, count = _log(rng, *HOLD), round(_log(rng, 3.0, MOST_CHANGES))
+    return np.full(count, mean) if rng.random() < 0.5 else mean * rng.uniform(0.2, 1.8, count)
+
+
+def _shares(rng: np.random.Generator, course: str, count: int, plane: str | None) -> np.ndarray:
+    """Shares of the strongest field along the axes of a trial, (count, 3): to and fro along the first, in half of the
+    trials broken by the second axis or by none; or drawn anew, each alike in size, as an agent explores.
+    """
+    axes, shares = 2 if plane else 3, np.zeros((count, 3))
+    if course == "random":
+        shares[:, :axes] = rng.uniform(-1.0, 1.0, (count, axes)) / math.sqrt(axes)
+        return shares
+    shares[:, 0] = (-1.0) ** np.arange(count)
+    if rng.random() < 0.5:
+        kinds = rng.random(count)
+        shares[kinds < 0.3] = 0.0
+        shares[kinds < 0.15, 1] = rng.choice([-1.0, 1.0], int((kinds < 0.15).sum()))
+    return shares
 
 
 def _magnitude(rng: np.random.Generator, rod: Rod, magnets: tuple[Magnet, ...], course: str) -> float:
