@@ -10,6 +10,8 @@ from magrod_env.magnetics import _checks
 
 NUM_ELEMENTS = 6  # where nothing is said
 EXPECTED_FIELD = 45e-3  # T: the limit of the paper's coils
+EPSILON = 2.0**-23  # of float32
+LARGEST_ROUNDING = 0.01  # of `rounding_share`
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -86,3 +88,20 @@ def elements_for(load: float, longest_element: float) -> float:
         longest_element: over the rod's length.
     """
     return 2.0 * longest_element * math.sqrt(1.0 + load)
+
+
+def rounding_share(slenderness: float, steps_of_damping: float, num_elements: int) -> float:
+    """Share of its swing by which float32 may hold up a rod with internal damping; 0.01 or more is worth a warning.
+
+    In a step, a slow point moves by less than the last place of its position, about eps L. Damping resists the jumps
+    that are left: elements strain at a rate of eps L/(dt h), and the tension that this costs, EA tau eps N/dt, stiffens
+    the rod as p = EA tau eps N/dt over EI/L^2 says. The share, 4e-3 sqrt(p)/N^2, is a fit to rods 15 to 250 times as
+    long as wide, of 2 to 6 elements and damping ratios of 0.02 to 1, within a factor of three of the errors found.
+
+    Args:
+        slenderness: L sqrt(EA/EI).
+        steps_of_damping: Kelvin-Voigt time over time step.
+        num_elements: N.
+    """
+    p = slenderness**2 * steps_of_damping * EPSILON * num_elements
+    return 4e-3 * math.sqrt(p) / num_elements**2

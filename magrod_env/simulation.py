@@ -17,10 +17,12 @@ from magrod_env.magnetics import FieldCourse, _checks
 from magrod_env.magnetics.maxwell import checked_gradient
 from magrod_env.resolution import (
     EXPECTED_FIELD,
+    LARGEST_ROUNDING,
     Resolution,
     checked_expected_field,
     checked_resolution,
     elements_for,
+    rounding_share,
 )
 from magrod_env.rod.batch import PLANE_AXES, RodBatch
 from magrod_env.rod.energy import BENT, ENERGETIC, NOT_FINITE, STRETCHED
@@ -310,12 +312,23 @@ class Simulation:
     @property
     def coarse(self) -> bool:
         """Whether the elements may be too few for the strongest field since the reset: after sudden loads the tip may
-        be off by more than a twentieth of its swing (an estimate: `resolution.elements_for`), or the element locks.
-        False where a tolerance chose the elements for such fields.
+        be off by more than a twentieth of its swing (an estimate: `resolution.elements_for`), or the element locks, or
+        float32 holds up a thin rod with internal damping (an estimate: `resolution.rounding_share`). False where a
+        tolerance chose the elements for such fields.
         """
+        if self._rounding > LARGEST_ROUNDING:
+            return True
         if max(self._strongest, self._driven) <= self._chosen_for:
             return False
         return bool(self._locking > LARGEST_LOCKING) or self._elements_needed > self.num_elements
+
+    @property
+    def _rounding(self) -> float:
+        damping = self.scene.damping_time
+        if self.precision != "float32" or damping is None:
+            return 0.0
+        slenderness = self.scene.rod.length * math.sqrt(self._values.axial / self._values.bending)
+        return rounding_share(slenderness, damping / self.time_step, self.num_elements)
 
     @property
     def _elements_needed(self) -> int:
@@ -347,6 +360,9 @@ class Simulation:
         if self._locking > LARGEST_LOCKING:
             problem = f"{self.num_elements} nodal elements lock: the rod bends as if EI were {self._locking:.3g} times"
             advice = 'use element="helical", or frequency_shaping'
+        elif self._rounding > LARGEST_ROUNDING:
+            problem = "float32 rounds away slow motion of a rod as thin and damped as this one"
+            advice = 'use precision="float64", or more elements'
         else:
             sudden = " that changes suddenly" if self._driven > 1.01 * self._strongest else ""
             loads = f"weight and a field of {self._strongest:.3g} T{sudden}"
