@@ -2,7 +2,7 @@
 
 `python -m scripts.random_actions [--quick] [--json FILE]`: tip errors in mm of rods whose field is drawn anew, evenly
 within the coils' limits, at every control step; how far the tip moves where all loads change by 1e-4; and the same
-with coils that lag and a rod with internal damping.
+with coils that lag, and with and without internal damping.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
 }
 CASES = {  # lag of the coils (s), Kelvin-Voigt time (s)
     "coils without lag, no internal damping": (None, None),
-    "coils without lag, 3 ms": (None, 3e-3),
+    "coils without lag, 3 ms (the environments)": (None, 3e-3),
     "coils with a lag of 10 ms, no internal damping": (LAG, None),
     "coils with a lag of 10 ms, 3 ms": (LAG, 3e-3),
 }
