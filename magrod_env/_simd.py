@@ -215,7 +215,10 @@ def _store(typingctx, buffer, index, value):
     def lower(context, builder, signature, arguments):
         vector = context.get_value_type(lane_type)
         pointer = _address(context, builder, signature.args[0], arguments[0], arguments[1], vector)
-        builder.store(arguments[2], pointer, align=buffer.dtype.bitwidth // 8)
+        # what is stored is rounded: no product may be fused with a sum that loads it again, as it would be only where
+        # the compiler keeps it in a register, which depends on the lane count
+        stored = _call_llvm("llvm.arithmetic.fence", context, builder, value(value), [arguments[2]])
+        builder.store(stored, pointer, align=buffer.dtype.bitwidth // 8)
         return context.get_dummy_value()
 
     return types.void(buffer, types.intp, value), lower
