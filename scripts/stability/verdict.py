@@ -276,7 +276,7 @@ def classify(runs) -> Verdict:
     further halvings; float32 where the same run in float64 is elsewhere. Where explicit runs judge an implicit one and
     agree, with its elements and with more, its step is at fault, and has to converge to them.
     Sensitive: fine runs, or runs under loads that differ by 1e-4, are further from each other than TOLERANCE or half of
-    the error. What is left is wrong and silent, and so is every such run that made energy.
+    the error. What is left is wrong and silent, and so is every such run that made energy and did not warn.
 
     Args:
         runs: called with a name, returns a Run: "asked", "finer" (more elements, smaller step), "double" (the same
@@ -299,7 +299,7 @@ def classify(runs) -> Verdict:
     if runs.independent and apart(runs("explicit"), finer) <= TOLERANCE:
         facts["step_error"] = apart(asked, runs("explicit"))
         if made > ENERGY_MADE:
-            return Verdict("wrong and silent", "energy made", **facts)
+            return Verdict(COARSE[True] if asked.warned else "wrong and silent", "energy made", **facts)
         if apart(runs(HALVED[-1]), runs("explicit")) <= TOLERANCE:
             return Verdict(COARSE[asked.warned], "step", **facts)
         return Verdict("wrong and silent", "implicit steps do not converge to explicit ones", **facts)
@@ -308,7 +308,7 @@ def classify(runs) -> Verdict:
     if facts["step_error"] <= TOLERANCE:
         return Verdict(COARSE[asked.warned], "elements", **facts)
     if made > ENERGY_MADE:
-        return Verdict("wrong and silent", "energy made", **facts)
+        return Verdict(COARSE[True] if asked.warned else "wrong and silent", "energy made", **facts)
     if not math.isfinite(facts["step_error"]):
         for name in ("disturbed quarter", "eighth"):
             if prefix_distance(runs(name), quarter, runs.length, runs.precision) > TOLERANCE:
