@@ -42,6 +42,8 @@ from magrod_env.values import axis_across, check_plane, locking_factor, relative
 ELEMENTS = ("helical", "nodal")
 PRECISIONS = ("float64", "float32")
 SAFETY = 0.4  # of the bound, for a step that is left to us: sudden fields ring, and bends shift the bound
+RESOLVING = 0.25  # of an implicit step that is left to us: resolves the second vibration, which a sudden field excites
+SMALL_LOAD = 0.1  # moments of magnets over EI/L: sudden fields below it bend the rod by some hundredths of its length
 LARGEST_LOCKING = 1.05  # of bending stiffness by the paper's element, before a warning
 WATCH_EVERY = 256  # steps
 SAFE_PULLED = 0.5  # of the bound under tension
@@ -313,14 +315,16 @@ class Simulation:
     def coarse(self) -> bool:
         """Whether the elements may be too few for the strongest field since the reset: after sudden loads the tip may
         be off by more than a twentieth of its swing (an estimate: `resolution.elements_for`), or the element locks, or
-        float32 holds up a thin rod with internal damping (an estimate: `resolution.rounding_share`). False where a
-        tolerance chose the elements for such fields.
+        float32 holds up a thin rod with internal damping (an estimate: `resolution.rounding_share`), or implicit steps
+        are too long for the vibrations that a sudden field excites. False where a tolerance chose the elements for
+        such fields.
         """
         if self._rounding > LARGEST_ROUNDING:
             return True
         if max(self._strongest, self._driven) <= self._chosen_for:
             return False
-        return bool(self._locking > LARGEST_LOCKING) or self._elements_needed > self.num_elements
+        few = self._elements_needed > self.num_elements
+        return bool(self._locking > LARGEST_LOCKING) or few or self.time_step > self._longest_resolving_step
 
     @property
     def _rounding(self) -> float:
@@ -329,6 +333,14 @@ class Simulation:
             return 0.0
         slenderness = self.scene.rod.length * math.sqrt(self._values.axial / self._values.bending)
         return rounding_share(slenderness, damping / self.time_step, self.num_elements)
+
+    @property
+    def _longest_resolving_step(self) -> float:
+        """Longest implicit step, s, that resolves what sudden changes of the field have excited."""
+        load = self._load_per_tesla * self._driven
+        if self.integrator == "explicit" or load < SMALL_LOAD or self._driven < 0.5 * self._strongest:
+            return math.inf
+        return RESOLVING * self._shortest_step / SHORTEST_STEP / math.sqrt(1.0 + load)
 
     @property
     def _elements_needed(self) -> int:
@@ -363,6 +375,9 @@ class Simulation:
         elif self._rounding > LARGEST_ROUNDING:
             problem = "float32 rounds away slow motion of a rod as thin and damped as this one"
             advice = 'use precision="float64", or more elements'
+        elif self._elements_needed <= self.num_elements:
+            problem = f"implicit steps of {self.time_step:.3g} s may not resolve what a sudden field excites"
+            advice = f'use {self._longest_resolving_step:.2g} s or less, slow fields, or integrator="explicit"'
         else:
             sudden = " that changes suddenly" if self._driven > 1.01 * self._strongest else ""
             loads = f"weight and a field of {self._strongest:.3g} T{sudden}"
