@@ -63,6 +63,13 @@ One spectral element of high degree, the reference's own kind, does not overtake
 both reach: at 8e-5 mm in the rotating field it takes some fifty times as long, explicit in time and with compiled loads
 in a loop of SciPy's. The curve of its error is steeper, so they would cross; where, these runs do not show. The floor
 of the helical lines at 5e-5 mm there is that of the field's table, which has a value every millisecond.
+
+Other work ran on the machine's other core while the page of 25 November 2026 was made. Beside the element before it
+(the page of 22 November, on an AMD EPYC, where the two runs of other simulators that both pages list took 0.85 and
+0.88 of the time): from 0.1 mm down in free decay, and nearly everywhere with two magnets, the same error takes less
+time. It does not where two or three conditioned elements were enough (errors above 0.1 mm in the rotating field, on
+the circle and under the sudden field), nor with 10 elements and more on the circle: there errors are about what they
+were, and a run takes 1.1 to 1.3 times as long after allowing for the machine.
 """
 
 
