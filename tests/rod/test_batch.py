@@ -39,8 +39,7 @@ def test_batch_equals_singles_bitwise(precision, num_rods):
         np.testing.assert_array_equal(together[rod], run(1, field[rod], precision=precision)[0])
 
 
-@pytest.mark.parametrize("precision", ["float64", "float32"])
-@pytest.mark.parametrize(("num_rods", "num_elements"), [(3, 10), (19, 4)])
+@pytest.mark.parametrize(("precision", "num_rods", "num_elements"), [("float64", 3, 10), ("float32", 19, 4)])
 def test_batch_equals_singles_bitwise_with_every_term(precision, num_rods, num_elements):
     """Internal damping keeps its matrices in memory, where the compiler must fuse no product across a store."""
     options = {"scene": RICH, "num_elements": num_elements, "precision": precision}
