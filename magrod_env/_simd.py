@@ -162,8 +162,9 @@ def _constant(context, kind, value):
 def polynomial(double, single):
     """A polynomial of a float or of every lane, coefficients from the constant on; float32 lanes take ``single``.
 
-    Evaluated in pairs, then pairs of pairs (Estrin's scheme): the operations of a level do not wait for each other, as
-    those of Horner's scheme do.
+    Evaluated in pairs, in double also pairs of pairs, which do not wait for each other (Estrin), then as a polynomial
+    in x^2 or x^4 by Horner's scheme. Higher powers would underflow: where a rod is almost straight, x^8 of a float32 is
+    a subnormal number, on which processors take a hundred times as long.
     """
 
     @intrinsic
@@ -172,16 +173,19 @@ def polynomial(double, single):
             return None
 
         def lower(context, builder, signature, arguments):
+            single_precision = getattr(x, "scalar", x) == types.float32
+            terms = [_constant(context, x, value) for value in (single if single_precision else double)]
             power = arguments[0]
-            table = single if getattr(x, "scalar", x) == types.float32 else double
-            terms = [_constant(context, x, value) for value in table]
-            while len(terms) > 1:
-                pairs = [
-                    builder.fadd(low, builder.fmul(power, high, flags=("contract",)), flags=("contract",))
-                    for low, high in zip(terms[::2], terms[1::2], strict=False)
-                ]
+
+            def add_product(low, factor, high):
+                return builder.fadd(low, builder.fmul(factor, high, flags=("contract",)), flags=("contract",))
+
+            for _ in range(1 if single_precision else 2):
+                pairs = [add_product(low, power, high) for low, high in zip(terms[::2], terms[1::2], strict=False)]
                 terms = pairs + terms[2 * len(pairs) :]
                 power = builder.fmul(power, power, flags=("contract",))
+            while len(terms) > 1:
+                terms[-2:] = [add_product(terms[-2], power, terms[-1])]
             return terms[0]
 
         return x(x), lower
