@@ -64,7 +64,9 @@ class SimulationDiverged(RuntimeError):
 
 
 class CoarseWarning(UserWarning):
-    """The elements may be too few for the loads; the message says how many to take."""
+    """The elements may be too few, an implicit step too long or float32 too short for the loads; the message says what
+    to take.
+    """
 
 
 class StabilityError(RuntimeError):
@@ -284,7 +286,7 @@ class Simulation:
 
     def _checked_step(self, time_step: float | None) -> float:
         if time_step is None:
-            return _sound_step(self._step_of_the_scene)
+            return _sound_step(self._step_of_the_scene)  # not kept: expected_field may have changed
         step = _checks.number("time_step", time_step, above=0.0, advice="give it in seconds, or None for a stable one")
         if step > self.stable_time_step:
             raise ValueError(
@@ -299,9 +301,12 @@ class Simulation:
         return step
 
     @cached_property
+    def _default_step(self) -> float:
+        return _sound_step(self._step_of_the_scene)
+
+    @cached_property
     def _shortest_step(self) -> float:
-        explicit = self.integrator == "explicit"
-        return SHORTEST_STEP * (self.stable_time_step if explicit else _sound_step(self._step_of_the_scene))
+        return SHORTEST_STEP * (self.stable_time_step if self.integrator == "explicit" else self._default_step)
 
     def _step_of_the_scene(self) -> float:
         """Step, s, where nothing is said."""
@@ -340,7 +345,7 @@ class Simulation:
         load = self._load_per_tesla * self._driven
         if self.integrator == "explicit" or load < SMALL_LOAD or self._driven < 0.5 * self._strongest:
             return math.inf
-        return RESOLVING * self._shortest_step / SHORTEST_STEP / math.sqrt(1.0 + load)
+        return RESOLVING * self._default_step / math.sqrt(1.0 + load)
 
     @property
     def _elements_needed(self) -> int:
