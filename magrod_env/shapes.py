@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from magrod_env.rod.equilibrium import Equilibrium
-from magrod_env.rod.state import rotation_matrices
+from magrod_env.rotations import rotation_matrices
 
 Shape = tuple[ArrayLike, ArrayLike] | Equilibrium
 """Positions (num_nodes, 3) m and rotations, body to world, of the nodes, as matrices (num_nodes, 3, 3) or quaternions

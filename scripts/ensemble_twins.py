@@ -184,7 +184,7 @@ class PlainMembers(Members):
     def split(self) -> tuple[np.ndarray, Rest]:
         """Nodal coordinates (num_rods, num_members, 12 N), and nothing left out."""
         simulation = self.simulation
-        quaternions = simulation._state.quaternions[:, 1:]
+        quaternions = simulation.rods.motion.quaternions[:, 1:]
         size = np.linalg.norm(quaternions[..., 1:], axis=-1, keepdims=True)
         vectors = quaternions[..., 1:] * 2.0 * np.arctan2(size, quaternions[..., :1]) / np.where(size > 0.0, size, 1.0)
         moved = [
@@ -204,7 +204,7 @@ class PlainMembers(Members):
         angle = np.linalg.norm(vectors, axis=-1, keepdims=True)
         scaled = vectors * np.sin(0.5 * angle) / np.where(angle > 0.0, angle, 1.0)
         every[:, 1:, 9:] /= self._spin_scale
-        self.simulation._state.write(
+        self.simulation.rods.motion.write(
             every[..., :3], np.concatenate([np.cos(0.5 * angle), scaled], axis=-1), every[..., 6:9], every[..., 9:]
         )
 

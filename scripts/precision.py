@@ -205,12 +205,12 @@ def _leave_out(simulation: Simulation, names: tuple[str, ...]) -> None:
     carried = np.zeros(len(arc))
     carried[:-1] += 0.5 * np.diff(arc)
     carried[1:] += 0.5 * np.diff(arc)
-    layout = simulation._batch.layout
+    layout = simulation.rods.batch.layout
     masses = rod.mass_per_length * carried
     for magnet, node in zip(simulation.scene.magnets, simulation.magnet_nodes):
         masses[node] += magnet.mass
-    static = rows_of(simulation._static._block[None], len(simulation._static.terms.lanes))
-    for rows, sizes in ((simulation._batch.rows, layout), (static, simulation._static.layout)):
+    static = rows_of(simulation.rods.model.static._block[None], len(simulation.rods.model.static.terms.lanes))
+    for rows, sizes in ((simulation.rods.batch.rows, layout), (static, simulation.rods.model.static.layout)):
         if "flexibility" in names:
             for element in range(layout.num_elements):
                 first = sizes.elements + ELEMENT_ROWS * element

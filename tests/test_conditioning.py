@@ -96,8 +96,8 @@ def test_spin_drag_keeps_its_torque():
         spin[0, 1, 1] = 1e-3
         simulation.set_motion(np.zeros((1, 2, 3)), spin)
         for stiffness in (AXIAL, SHEAR, BENDING, SWAY):  # no elastic loads
-            simulation._batch.rows[:, simulation._batch.layout.elements + stiffness] = 0.0
-        simulation._batch.run(1000, 1e-6)
+            simulation.rods.batch.rows[:, simulation.rods.batch.layout.elements + stiffness] = 0.0
+        simulation.rods.batch.run(1000, 1e-6)
         rates.append(-math.log(simulation.angular_velocities[0, 1, 1] / 1e-3) / 1e-3)
     np.testing.assert_allclose(rates, [80.0, 10.0], rtol=1e-6)
 

@@ -62,7 +62,7 @@ def test_a_loss_factor_is_that_of_the_first_vibration():
     rod = bare.rod
     beam = CLAMPED_FREE[0] ** 2 * np.sqrt(rod.bending_stiffness / rod.mass_per_length) / rod.length**2
     np.testing.assert_allclose(2.0 * np.pi * bare.first_frequency, beam, rtol=1e-7)
-    assert Simulation(scene, num_elements=4)._batch.terms.internal_damping is not None
+    assert Simulation(scene, num_elements=4).rods.batch.terms.internal_damping is not None
 
 
 def test_damping_said_twice_is_refused():
@@ -127,7 +127,7 @@ def test_the_default_step_stays_below_the_bounds_met_while_fields_flip(name, num
         expected_field=strength,
         on_failure="report",
     )
-    default, static = simulation.time_step, simulation._static
+    default, static = simulation.time_step, simulation.rods.model.static
     simulation.time_step = 0.25 * default
     least = np.inf
     for k in range(100):

@@ -100,9 +100,9 @@ def test_momentum_of_sections_without_loads_stays(integrator):
     rng = np.random.default_rng(1)
     simulation.set_motion(1e-3 * rng.normal(size=(1, 4, 3)), 5.0 * rng.normal(size=(1, 4, 3)))
     linear = simulation.linear_momentum()
-    spins = [np.einsum("nij,nj->ni", simulation.rotations[0], simulation._state.momenta[0])]
+    spins = [np.einsum("nij,nj->ni", simulation.rotations[0], simulation.rods.motion.momenta[0])]
     simulation.advance(0.2)
-    spins.append(np.einsum("nij,nj->ni", simulation.rotations[0], simulation._state.momenta[0]))
+    spins.append(np.einsum("nij,nj->ni", simulation.rotations[0], simulation.rods.motion.momenta[0]))
     np.testing.assert_allclose(simulation.linear_momentum(), linear, rtol=1e-9)
     np.testing.assert_allclose(spins[1], spins[0], atol=1e-6 * np.abs(spins[0]).max())
     still = np.eye(3)[0] == 1.0
@@ -135,7 +135,7 @@ def test_a_wire_under_strong_tension_follows_the_explicit_scheme(integrator, mic
 
 def iterations(simulation, field, num_steps):
     """Newton iterations of every step of a rod in a field; MOST_ITERATIONS where a step is not solved."""
-    batch, h, counts, before = simulation._batch, simulation.time_step, [], 0.0
+    batch, h, counts, before = simulation.rods.batch, simulation.time_step, [], 0.0
     lanes = len(batch.terms.lanes)
     batch.set_field(np.array([field]))
     scratch = np.zeros((simulation.num_elements + 1) * NODE * lanes)

@@ -1,7 +1,8 @@
-"""The simulation as its users meet it: shapes, starts, snapshots, bad input, and scenes from soft to stiff."""
+"""The simulation as its users meet it: shapes, starts, states, bad input, and scenes from soft to stiff."""
 
 import copy
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -306,71 +307,111 @@ def test_a_field_is_kept_until_another_is_given():
     assert_same(given, kept)
 
 
-# ---- snapshots and copies
+# ---- states and copies
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-def test_restore_goes_back_to_the_same_bits(precision):
-    simulation = batch(precision=precision)
+@pytest.mark.parametrize("plane", [None, "xz"])
+def test_a_state_goes_back_to_the_same_bits(precision, plane):
+    simulation = batch(precision=precision, plane=plane)
     simulation.advance(0.05, field=FIELDS)
-    snapshot = simulation.snapshot()
+    state = simulation.state()
     simulation.advance(0.05, field=-FIELDS)
     first = everything(simulation)
-    simulation.restore(snapshot)
+    simulation.set_state(state)
     simulation.advance(0.05, field=-FIELDS)
     for one, other in zip(everything(simulation), first, strict=True):
         np.testing.assert_array_equal(one, other)
 
 
-def test_a_snapshot_goes_to_another_simulation_with_its_field_and_gradient():
+def test_a_state_goes_to_another_simulation_with_its_field_and_gradient():
     source, target = batch(), batch()
     source.advance(0.05, field=FIELDS, gradient=GENTLE)
-    target.restore(source.snapshot())
+    target.set_state(source.state())
     assert_same(source, target)
     for simulation in (source, target):
         simulation.advance(0.05)
     assert_same(source, target)
 
 
-def test_a_snapshot_is_not_touched_by_what_follows():
+@pytest.mark.parametrize("plane", [None, "xz", "xy"])
+def test_a_state_says_what_the_simulation_says(plane):
+    scene = SOFT if plane != "xy" else SOFT.replace(gravity=(0.0, -9.81, 0.0))
+    simulation = Simulation(scene, num_rods=3, num_elements=4, plane=plane)
+    simulation.advance(0.05, field=np.eye(3)[1 if plane == "xy" else 2] * 1e-3)
+    state = simulation.state()
+    assert len(state) == 3
+    for name in ("positions", "rotations", "tip_position", "velocities", "angular_velocities", "field", "time"):
+        np.testing.assert_array_equal(getattr(state, name), getattr(simulation, name), err_msg=name)
+
+
+def test_one_state_goes_to_all_rods_and_some_states_to_some():
+    source, many = batch(), batch(num_rods=20)
+    source.advance(0.05, field=FIELDS)
+    state = source.state()
+    many.set_state(state[1])
+    np.testing.assert_array_equal(many.positions, np.repeat(source.positions[1:2], 20, axis=0))
+    np.testing.assert_array_equal(many.field, np.repeat(FIELDS[1:2], 20, axis=0))
+    assert many.time == source.time
+    many.set_state(state, rods=[19, 0, 7])
+    np.testing.assert_array_equal(many.velocities[[19, 0, 7]], source.velocities)
+    np.testing.assert_array_equal(many.velocities[5], source.velocities[1])
+    many.set_state(type(state).stack([state[2], state[0]]), rods=[3, 4])
+    np.testing.assert_array_equal(many.positions[[3, 4]], source.positions[[2, 0]])
+    for simulation in (source, many):
+        simulation.advance(0.05)
+    np.testing.assert_array_equal(many.positions[[19, 0, 7]], source.positions)
+
+
+def test_a_state_can_be_changed_by_replace():
     simulation = batch()
-    snapshot = simulation.snapshot()
-    kept = copy.deepcopy(snapshot)
     simulation.advance(0.05, field=FIELDS)
-    assert snapshot["made_with"] == kept["made_with"]
-    for name in kept.keys() - {"made_with"}:
-        np.testing.assert_array_equal(snapshot[name], kept[name])
+    velocities = np.random.default_rng(0).normal(size=simulation.velocities.shape)
+    velocities[:, 0] = 0.0
+    spins = 0.1 * velocities[..., ::-1]
+    simulation.set_state(simulation.state().replace(velocities=velocities, angular_velocities=spins))
+    np.testing.assert_array_equal(simulation.velocities, velocities)
+    np.testing.assert_allclose(simulation.angular_velocities, spins, rtol=1e-14)
 
 
-def test_a_snapshot_from_before_a_gradient_goes_on_with_its_bits():
+def test_a_state_is_not_touched_by_what_follows():
+    simulation = batch()
+    state = simulation.state()
+    kept = copy.deepcopy(state)
+    simulation.advance(0.05, field=FIELDS)
+    assert state.made_with == kept.made_with
+    for name in ("nodes", "loads", "watch", "status", "travel", "field", "gradient"):
+        np.testing.assert_array_equal(getattr(state, name), getattr(kept, name))
+
+
+def test_a_state_from_before_a_gradient_goes_on_with_its_bits():
     simulation, fresh = batch(), batch()
-    snapshot = simulation.snapshot()
+    state = simulation.state()
     simulation.advance(0.02, field=FIELDS, gradient=GENTLE)
-    simulation.restore(snapshot)
+    simulation.set_state(state)
     for each in (simulation, fresh):
         each.advance(0.02, field=FIELDS)
     assert_same(simulation, fresh)
 
 
-def test_a_snapshot_keeps_what_a_field_may_yet_put_in():
-    """Turned on and looked at only after the restore, a field accounts for the energy that it brings."""
+def test_a_state_keeps_what_a_field_may_yet_put_in():
+    """Turned on and looked at only after the state is set, a field accounts for the energy that it brings."""
     simulation = Simulation(SOFT.replace(gravity=(0.0, 0.0, 0.0)), num_elements=4)
     simulation.reset(field=(5e-3, 0.0, 0.0))
     simulation.advance(0.0, field=(-5e-3, 0.0, 0.0))
-    simulation.restore(simulation.snapshot())
+    simulation.set_state(simulation.state())
     simulation.advance(1e-3)
     assert simulation.status[0] == 0
 
 
-def test_a_snapshot_can_be_pickled_and_is_small():
-    stored = pickle.dumps(batch().snapshot())
-    assert len(stored) < 2 * batch()._batch.blocks.nbytes + 5000
-    batch().restore(pickle.loads(stored))
+def test_a_state_can_be_pickled_and_is_small():
+    stored = pickle.dumps(batch().state())
+    assert len(stored) < 2 * batch().rods.batch.blocks.nbytes + 5000
+    batch().set_state(pickle.loads(stored))
 
 
 OTHERS = {
     "scene": lambda: Simulation(SOFT.replace(drag_rate=6.0), num_rods=3, num_elements=4),
-    "num_rods": lambda: batch(num_rods=4),
     "num_elements": lambda: batch(num_elements=5),
     "element": lambda: batch(element="nodal"),
     "precision": lambda: batch(precision="float32"),
@@ -382,56 +423,52 @@ OTHERS = {
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_a_snapshot_of_another_simulation_is_refused(name):
+def test_a_state_of_another_simulation_is_refused(name):
     simulation = batch()
     before = everything(simulation)
-    with pytest.raises(ValueError, match=f"snapshot must come from a simulation of the same .* but its {name} differs"):
-        simulation.restore(OTHERS[name]().snapshot())
+    with pytest.raises(ValueError, match=f"state must come from a simulation of the same .* but its {name} differs"):
+        simulation.set_state(OTHERS[name]().state())
     for one, other in zip(everything(simulation), before, strict=True):
         np.testing.assert_array_equal(one, other)
 
 
-def test_a_snapshot_from_before_dampings_of_the_nodes_is_refused():
-    simulation = batch()
-    snapshot = simulation.snapshot()
-    simulation._batch.use_node_damping()
-    with pytest.raises(ValueError, match="its node damping differs"):
-        simulation.restore(snapshot)
-    simulation.restore(simulation.snapshot())
-
-
-def test_a_snapshot_goes_where_only_the_step_and_the_threads_differ():
+def test_a_state_goes_where_only_the_step_and_the_threads_differ():
     source, target = batch(), batch(time_step=1e-5, num_threads=1, on_failure="report")
     source.advance(0.02, field=FIELDS)
-    target.restore(source.snapshot())
+    target.set_state(source.state())
     assert_same(source, target)
     assert target.time_step == 1e-5
 
 
-NO_SNAPSHOTS = [
-    (lambda s: {}, "lacks 'made_with', 'blocks'"),
-    (lambda s: None, "is NoneType"),
-    (lambda s: [s], "is list"),
-    (lambda s: {key: value for key, value in s.items() if key != "status"}, "lacks 'status'"),
-    (lambda s: s | {"made_with": 3}, "snapshot must say what it was made with"),
-    (lambda s: s | {"blocks": s["blocks"][:, :-1]}, "'blocks' of a snapshot must be a float64 array"),
-    (lambda s: s | {"blocks": s["blocks"].tolist()}, "'blocks' of a snapshot must be a float64 array"),
-    (lambda s: s | {"blocks": s["blocks"].astype(np.float32)}, "'blocks' of a snapshot must be a float64 array"),
-    (lambda s: s | {"status": s["status"] + 0.5}, "'status' of a snapshot must be a int64 array"),
-    (lambda s: s | {"time": np.nan}, "'time' of a snapshot must be a finite time, but got nan"),
-    (lambda s: s | {"time": -1.0}, "'time' of a snapshot must be"),
-    (lambda s: s | {"time": "0"}, "'time' of a snapshot must be"),
-    (lambda s: s | {"field": np.full((3, 3), np.inf)}, "'field' of a snapshot .* that is not finite"),
-    (lambda s: s | {"gradient": np.zeros((3, 3))}, "'gradient' of a snapshot must be"),
-    (lambda s: s | {"pulled": 1}, "'pulled' of a snapshot must be True or False"),
+NO_STATES = [
+    (lambda s: {}, "state must be what state.. returned, but got dict"),
+    (lambda s: None, "but got NoneType"),
+    (lambda s: s[:2], "state must be of one rod or of 3, but is of 2"),
+    (lambda s: replace(s, made_with=None), "state must be what"),
+    (lambda s: replace(s, nodes=s.nodes[:, :-1]), "nodes of a state must be finite, float64"),
+    (lambda s: replace(s, nodes=s.nodes.tolist()), "nodes of a state must be finite, float64"),
+    (lambda s: replace(s, nodes=s.nodes.astype(np.float32)), "nodes of a state must be .* but got float32"),
+    (lambda s: replace(s, status=s.status + 0.5), "status of a state must be finite, int64"),
+    (lambda s: replace(s, time=np.nan), "time of a state must be a finite time .* but got nan"),
+    (lambda s: replace(s, time=-1.0), "time of a state must be"),
+    (lambda s: replace(s, time="0"), "time of a state must be"),
+    (lambda s: replace(s, field=np.full((3, 3), np.inf)), "field of a state must be finite"),
+    (lambda s: replace(s, gradient=np.zeros((3, 3))), "gradient of a state must be"),
 ]
 
 
-@pytest.mark.parametrize(("spoilt", "sentence"), NO_SNAPSHOTS)
-def test_what_is_no_snapshot_is_refused(spoilt, sentence):
+@pytest.mark.parametrize(("spoilt", "sentence"), NO_STATES)
+def test_what_is_no_state_is_refused(spoilt, sentence):
     simulation = batch()
     with pytest.raises(ValueError, match=sentence):
-        simulation.restore(spoilt(simulation.snapshot()))
+        simulation.set_state(spoilt(simulation.state()))
+
+
+@pytest.mark.parametrize("rods", [[0, 0, 1], [3, 1, 2], [-1, 0, 1], 0.5, []])
+def test_rods_that_are_none_are_refused(rods):
+    simulation = batch()
+    with pytest.raises(ValueError, match="rods must be different indices between 0 and 2"):
+        simulation.set_state(simulation.state(), rods=rods)
 
 
 @pytest.mark.parametrize("copied", [lambda s: pickle.loads(pickle.dumps(s)), copy.deepcopy], ids=["pickle", "deepcopy"])
@@ -704,7 +741,7 @@ def test_one_element_without_gravity_swings_like_a_pendulum_of_its_stiffness():
     """A small push in plane: the first natural frequency, by the time between zeros of the tip's height."""
     scene = SOFT.replace(gravity=(0.0, 0.0, 0.0), drag_rate=0.0)
     simulation = Simulation(scene, num_elements=1)
-    stiffness, inertia = simulation._static.linearise(None)
+    stiffness, inertia = simulation.rods.model.static.linearise(None)
     velocities = np.zeros((1, 2, 3))
     keep = [2, 4]
     shape = np.linalg.solve(stiffness[np.ix_(keep, keep)], [1.0, 0.0])  # nearly the first mode

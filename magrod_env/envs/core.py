@@ -12,18 +12,19 @@ from gymnasium.utils import seeding
 from magrod_env._jit import PRESENT, Bound
 from magrod_env.envs.commanding import add_travel, write_commands
 from magrod_env.envs.observing import Episodes, Optics, Outcome, Scales, View, observe_blocks, observe_some
-from magrod_env.envs.resetting import Making, begin_episodes, copy_starts, make_rods
+from magrod_env.envs.resetting import Making, begin_episodes, copy_starts, vary_rods, write_fields
 from magrod_env.envs.settings import Camera, Randomization
 from magrod_env.envs.tasks import Task
 from magrod_env.envs.workspace import Workspace
 from magrod_env.magnetics import Actuator, UniformCoils, _checks
 from magrod_env.resolution import Resolution
-from magrod_env.rod.batch import PLANE_AXES, RodBatch
-from magrod_env.rod.equilibrium import StaticModel
-from magrod_env.rod.layout import ENERGY, make_blocks
+from magrod_env.rod.batch import PLANE_AXES
+from magrod_env.rod.equilibrium import Shapes
 from magrod_env.scene import Scene
-from magrod_env.simulation import SAFETY, Simulation
-from magrod_env.values import check_plane, rod_values, scene_terms
+from magrod_env.simulation.model import RodModel
+from magrod_env.simulation.rods import Rods
+from magrod_env.simulation.simulation import SAFETY
+from magrod_env.values import check_plane
 
 REWARD_TERMS = ("tracking", "precision", "effort", "smoothness")
 OBSERVE = ("camera", "state", "estimate")
@@ -64,25 +65,27 @@ class SteeringCore:
         self.coils, self.actuator, self.camera, self.randomization = coils, actuator, camera, randomization
         self.control_rate = control_rate
         self.control_time = 1.0 / self.control_rate
-        self.values, segments = rod_values(scene, resolution.axial_softening, resolution.rotary_scaling)
-        self.batch = RodBatch(
-            self.values,
-            segments,
+        self.model = RodModel(
+            scene,
+            self.num_elements,
+            axial_softening=resolution.axial_softening,
+            rotary_scaling=resolution.rotary_scaling,
+        )
+        self.rods = Rods(
+            self.model,
             num_rods=num_envs,
-            num_elements=self.num_elements,
-            nodal=False,
             precision=precision,
             plane=plane,
-            **scene_terms(scene, resolution.rotary_scaling),
             slew=actuator.slew_limit is not None,
             lag=actuator.lag is not None,
             turned=actuator.slew_limit is not None and randomization.active,
             num_threads=num_threads,
         )
+        self.batch = self.rods.batch
         self._observe_some = Bound(observe_some)
         self._write_commands, self._add_travel = Bound(write_commands), Bound(add_travel)
         self._begin_episodes, self._copy_starts = Bound(begin_episodes), Bound(copy_starts)
-        self._make_rods = Bound(make_rods)
+        self._vary_rods, self._write_fields = Bound(vary_rods), Bound(write_fields)
         self._choose_steps(resolution.time_step)
         self._set_up_coils()
         self._set_up_arrays()
@@ -97,29 +100,19 @@ class SteeringCore:
 
     def _choose_steps(self, time_step: float | None) -> None:
         """Physics steps in a control step: no longer than the bound of the stiffest, lightest rod that may be drawn."""
-        spread, values = self.randomization, self.values
-        stiff, light = 1.0 + spread.modulus, 1.0 - spread.density
-        ends = values.ends.copy()
-        ends[:-1] += spread.magnet_position  # in whichever direction: the elements of both neighbours change alike
-        worst = values._replace(
-            ends=ends,
-            axial=values.axial * stiff,
-            shear=values.shear * stiff,
-            bending=values.bending * stiff,
-            torsion=values.torsion * stiff,
-            mass_per_length=values.mass_per_length * light,
-            rotary=values.rotary * light,
-            polar=values.polar * light,
-            magnet_moments=values.magnet_moments * (1.0 + spread.remanence),
-        )
+        spread, ends = self.randomization, self.model.values.ends
         shift = spread.magnet_position
-        if shift > 0.0 and np.diff([0.0, *values.ends]).min() <= 2.0 * shift:
+        if shift > 0.0 and np.diff([0.0, *ends]).min() <= 2.0 * shift:
             raise ValueError(
                 f"magnet_position of the randomization must leave every magnet on its part of the rod, but got "
                 f"{shift!r} m: give less than half the distance between the magnets."
             )
-        segments = [self.scene.segment_ends.index(magnet.position) for magnet in self.scene.magnets]
-        model = StaticModel(worst, self.batch.counts, segments, False, self.scene.gravity)
+        model = self.model.spread(
+            modulus=1.0 + spread.modulus,
+            density=1.0 - spread.density,
+            moment=1.0 + spread.remanence,
+            shift=shift,
+        )
         strongest = float(np.linalg.norm(self.coils.limit)) * (1.0 + spread.field_gain)
         if time_step is None:
             step = SAFETY * model.working_time_step(strongest, self.plane)
@@ -213,41 +206,28 @@ class SteeringCore:
         """The nominal rod in every equilibrium that an episode may start from, as columns of rows."""
         cases, spread = self.task.start_cases, self.randomization
         self._start_fields = np.array([case.field for case in cases])
+        self._start_poses = np.array([case.positions for case in cases]), np.array([case.quaternions for case in cases])
         if spread.active:
             names = [field.name for field in dataclasses.fields(spread)]
             self._spread: np.ndarray | None = np.array([getattr(spread, name) for name in names])
-            model = self.workspace.model
-            self._scratch = make_blocks(8, model.layout, model.terms, np.float64).reshape(1, -1, 8)
             self._making = Making(
                 layout=self.batch.layout,
-                plane=1 if self.plane == "xy" else 2,
-                counts=self.batch.counts,
-                values=self.values,
-                gravity=model.gravity,
+                axes=self.rods.axes,
+                across=3 if self.plane is None else self.rods.axes[2],
+                gravity=self.model.static.gravity,
                 drag=self.scene.drag_rate or 0.0,
-                still_layout=model.layout,
-                still_terms=model.terms,
                 fields=self._start_fields,
             )
+            self.rods.varied = True
             return
-        self._spread = None
-        nominal = Simulation(
-            self.scene,
-            num_elements=self.num_elements,
-            axial_softening=self.resolution.axial_softening,
-            rotary_scaling=self.resolution.rotary_scaling,
-            plane=self.plane,
-            precision=self.precision,
-        )
+        self._spread, first = None, np.zeros(1, np.int64)
         columns = []
         for case in cases:
-            nominal._batch.set_field(case.field[None])
-            nominal._state.write(case.positions[None], case.quaternions[None])
-            column = np.zeros(self.batch.layout.size, self.batch.dtype)
-            column[:] = nominal._batch.rows[0, :, 0]
-            column[ENERGY] = np.inf  # the watchdog takes what it sees first
-            columns.append(column)
+            self.rods.lay(first, case.positions[None], case.quaternions[None])
+            self.batch.set_field(np.tile(case.field, (self.num_envs, 1)))
+            columns.append(self.batch.rows[0, :, 0].copy())
         self._columns = np.array(columns)
+        self.batch.travel[:] = 0.0
 
     # ---- seeds and resets
 
@@ -279,15 +259,25 @@ class SteeringCore:
             self.estimation.reset(which, out)
 
     def _vary(self, which: np.ndarray) -> None:
-        self._make_rods(
+        """Make rods that differ from the nominal one, each at rest in its own equilibrium.
+
+        Where a rod loses stability on the way, it starts from the last stable shape.
+        """
+        starts, loads = self._starts[which], np.zeros((len(which), 12))
+        self._vary_rods(self.rods.parameters, self._making, self.episodes, which, self._starts, self._draws, loads)
+        self.rods.write(which)
+        positions, quaternions = (part[starts] for part in self._start_poses)
+        near = Shapes(positions, quaternions, np.ones(len(which)), np.zeros(len(which), bool))
+        shapes = self.rods.equilibria(loads, which, near)
+        self.rods.lay(which, shapes.positions, shapes.quaternions)
+        self._write_fields(
             self.batch.rows,
             self._making,
-            self.batch.terms.planar,
-            self._scratch,
-            self.episodes,
             which,
             self._starts,
             self._draws,
+            self.episodes,
+            loads,
             self.batch.status,
         )
 

@@ -14,7 +14,6 @@ from magrod_env.envs.nominal_coils import NominalCoils
 from magrod_env.envs.observing import observe_estimate
 from magrod_env.estimation import EnsembleFilter, GaussianCameras, Measurement, Unknown
 from magrod_env.estimation.measurement import marker_arc_lengths, marker_nodes
-from magrod_env.rod.mesh import arc_lengths
 from magrod_env.rod.state import BatchState
 from magrod_env.simulation import SimulationDiverged, StabilityError
 
@@ -61,9 +60,7 @@ class Estimation:
             raise ValueError(
                 f'markers must be "tip", "magnets" or arc lengths, but got {told(markers)}: give arc lengths in metres.'
             )
-        self.nodes = marker_nodes(
-            arc_lengths(core.values.ends, core.batch.counts), marker_arc_lengths(core.scene, markers)
-        )
+        self.nodes = marker_nodes(core.rods.arc_lengths_of(0), marker_arc_lengths(core.scene, markers))
         self.estimator = self._build(estimator, members, markers)
         self._truth, self._coils = BatchState(core.batch), NominalCoils(core)
         self._tracked = list(core.nodes)

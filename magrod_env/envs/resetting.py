@@ -6,34 +6,17 @@ import numpy as np
 
 from magrod_env._jit import jit
 from magrod_env.envs.streams import normal, uniform
-from magrod_env.rod.layout import (
-    DRAG,
-    ENERGY,
-    FIELD,
-    GRAVITY,
-    LEAST_COSINE,
-    PLANAR,
-    REFERENCE,
-    SPATIAL,
-    TARGET,
-    Layout,
-    Terms,
-)
-from magrod_env.rod.mesh import RodValues, write_rod
-from magrod_env.rod.statics import find_equilibrium
+from magrod_env.rod.layout import FIELD, REFERENCE, TARGET, Layout
 
 
 class Making(NamedTuple):
     """What making rods that differ from the nominal one needs."""
 
     layout: Layout
-    plane: int  # the in-plane axis beside x: 2 for "xz", 1 for "xy"
-    counts: np.ndarray  # elements of each segment
-    values: RodValues  # of the nominal rod
+    axes: tuple  # world axes of the motion, then the one across
+    across: int  # world axis across a plane; 3 in space
     gravity: np.ndarray  # (3,) m/s^2
     drag: float  # 1/s
-    still_layout: Layout  # of the spatial block in which equilibria are found
-    still_terms: Terms
     fields: np.ndarray  # (num_starts, 3) T commanded at the starts
 
 
@@ -116,26 +99,6 @@ def copy_starts(rows, columns, which, starts, status):
 
 
 @jit
-def varied(values, draw):
-    """Values of a rod that differs from the nominal one."""
-    ends = values.ends.copy()
-    for segment in range(len(ends) - 1):
-        ends[segment] += draw[4]
-    return RodValues(
-        ends,
-        values.axial * draw[0],
-        values.shear * draw[0],
-        values.bending * draw[0],
-        values.torsion * draw[0],
-        values.mass_per_length * draw[1],
-        values.rotary * draw[1],
-        values.polar * draw[1],
-        values.magnet_masses,
-        values.magnet_moments * draw[3],
-    )
-
-
-@jit
 def tilted(gravity, draw):
     """Gravity tilted by the angle draw[9] about an axis across it, at the heading draw[10]."""
     size = np.sqrt((gravity**2).sum())
@@ -150,104 +113,44 @@ def tilted(gravity, draw):
 
 
 @jit
-def make_rods(rows, making, planar, scratch, episodes, which, starts, draws, status):
-    """Write rods that differ from the nominal one into the lanes of ``which``, each at rest in its own equilibrium.
+def vary_rods(parameters, making, episodes, which, starts, draws, loads):
+    """Parameters of rods that differ from the nominal one, and the field that acts on each at its start.
 
-    ``scratch`` (1, rows, 8) is a spatial block for the statics. Where a rod loses stability on the way, it starts from
-    the last stable shape.
+    ``parameters``: `RodParameters` of all; ``loads`` (len(which), 12) gets the acting field in its first columns.
     """
-    num_nodes, plane = making.layout.num_elements + 1, making.plane
-    positions, rotations = np.zeros((num_nodes, 3)), np.zeros((num_nodes, 4))
-    for i in which:
+    for m in range(len(which)):
+        i = which[m]
         draw = draws[i]
-        rod, pull = varied(making.values, draw), tilted(making.gravity, draw)
-        turn = rotation_of(draw[6:9])
+        parameters.modulus[i], parameters.density[i], parameters.moment[i] = draw[0], draw[1], draw[3]
+        parameters.drag[i], parameters.magnet_shift[i] = making.drag * draw[2], draw[4]
+        pull, turn = tilted(making.gravity, draw), rotation_of(draw[6:9])
         episodes.mixing[i] = draw[5] * turn
         episodes.unmixing[i] = turn.T / draw[5]
-        command = making.fields[starts[i]] + draw[11:14]
-        field = turned(episodes.mixing[i], command)
-        if planar is not None:
-            pull[3 - plane], field[3 - plane] = 0.0, 0.0
-        for lane in range(8):
-            write_rod(scratch[0], lane, making.still_layout, making.counts, rod, None, None)
+        field = turned(episodes.mixing[i], making.fields[starts[i]] + draw[11:14])
+        for k in range(3):
+            inside = k != making.across
+            parameters.gravity[i, k] = pull[k] if inside else 0.0
+            loads[m, k] = field[k] if inside else 0.0
+
+
+@jit
+def write_fields(rows, making, which, starts, draws, episodes, loads, status):
+    """Let the acting fields of ``vary_rods`` act on the rods of ``which``, whose drive has come to rest there.
+
+    The reference of turned coils behind a slew limit is in the coils' own frame.
+    """
+    width, layout, axes = rows.shape[2], making.layout, making.axes
+    for m in range(len(which)):
+        i = which[m]
+        block, lane = i // width, i % width
+        command = making.fields[starts[i]] + draws[i, 11:14]
+        for k in range(3):
+            for first in (FIELD, REFERENCE, TARGET):
+                rows[block, first + k, lane] = loads[m, axes[k]]
+        if layout.mixing != layout.node_damping:
             for k in range(3):
-                scratch[0, GRAVITY + k, lane] = pull[k]
-        find_equilibrium(
-            scratch.reshape(-1),
-            making.still_layout,
-            making.still_terms,
-            None,
-            None,
-            field,
-            np.zeros(9),
-            positions,
-            rotations,
-        )
-        write_lane(rows, making, planar, i, rod, pull, field, making.drag * draw[2])
-        write_drive(rows, making, planar, i, command, episodes.mixing[i])
-        write_shape(rows, making, planar, i, positions, rotations)
+                rows[block, REFERENCE + k, lane] = command[axes[k]]
+                rows[block, TARGET + k, lane] = command[axes[k]]
+                for j in range(3):
+                    rows[block, layout.mixing + 3 * k + j, lane] = episodes.mixing[i][axes[k], axes[j]]
         status[i] = 0
-
-
-@jit
-def write_lane(rows, making, planar, i, rod, pull, field, drag):
-    """Constants, gravity, field and drag of rod ``i``, in the axes of its motion."""
-    block, lane = i // rows.shape[2], i % rows.shape[2]
-    axes = (0, 1, 2) if planar is None else (0, making.plane, 3 - making.plane)
-    moments = np.zeros_like(rod.magnet_moments)
-    for k in range(3):
-        moments[:, k] = rod.magnet_moments[:, axes[k]]
-    values = RodValues(
-        rod.ends,
-        rod.axial,
-        rod.shear,
-        rod.bending,
-        rod.torsion,
-        rod.mass_per_length,
-        rod.rotary,
-        rod.polar,
-        rod.magnet_masses,
-        moments,
-    )
-    write_rod(rows[block], lane, making.layout, making.counts, values, planar, None)
-    for k in range(3):
-        rows[block, GRAVITY + k, lane] = pull[axes[k]]
-        for first in (FIELD, REFERENCE, TARGET):
-            rows[block, first + k, lane] = field[axes[k]]
-    rows[block, DRAG, lane] = drag
-    rows[block, LEAST_COSINE, lane] = 1.0
-    rows[block, ENERGY, lane] = np.inf  # the watchdog takes what it sees first
-
-
-@jit
-def write_drive(rows, making, planar, i, command, mixing):
-    """For turned coils behind a slew limit: command, reference and mixing of rod ``i`` in the coils' own frame."""
-    if making.layout.mixing == making.layout.node_damping:
-        return
-    block, lane = i // rows.shape[2], i % rows.shape[2]
-    axes = (0, 1, 2) if planar is None else (0, making.plane, 3 - making.plane)
-    for k in range(3):
-        rows[block, REFERENCE + k, lane] = command[axes[k]]
-        rows[block, TARGET + k, lane] = command[axes[k]]
-        for j in range(3):
-            rows[block, making.layout.mixing + 3 * k + j, lane] = mixing[axes[k], axes[j]]
-
-
-@jit
-def write_shape(rows, making, planar, i, positions, rotations):
-    """Put rod ``i`` at rest into a shape in space: ``positions`` (num_nodes, 3) m, ``rotations`` (num_nodes, 4)."""
-    block, lane, plane = i // rows.shape[2], i % rows.shape[2], making.plane
-    for node in range(making.layout.num_elements + 1):
-        if planar is None:
-            row = making.layout.nodes + SPATIAL.size * node
-            for k in range(3):
-                rows[block, row + k, lane] = positions[node, k]
-            for k in range(4):
-                rows[block, row + SPATIAL.rotation + k, lane] = rotations[node, k]
-        else:
-            row = making.layout.nodes + PLANAR.size * node
-            rows[block, row, lane] = positions[node, 0]
-            rows[block, row + 1, lane] = positions[node, plane]
-            rows[block, row + PLANAR.rotation, lane] = rotations[node, 0]
-            turn = rotations[node, 3] if plane == 1 else -rotations[node, 2]
-            rows[block, row + PLANAR.rotation + 1, lane] = turn

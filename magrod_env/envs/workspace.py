@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from magrod_env.rod.equilibrium import Equilibrium, StaticModel
-from magrod_env.rod.mesh import split_elements
+from magrod_env.rod.equilibrium import Equilibrium
 from magrod_env.scene import Scene
-from magrod_env.simulation import StabilityError
-from magrod_env.values import rod_values
+from magrod_env.simulation.errors import StabilityError
+from magrod_env.simulation.model import RodModel
 
 
 class Workspace:
@@ -22,9 +21,8 @@ class Workspace:
     """
 
     def __init__(self, scene: Scene, num_elements: int, axial_softening: float = 1.0) -> None:
-        values, segments = rod_values(scene, axial_softening)
         self.scene = scene
-        self.model = StaticModel(values, split_elements(values.ends, num_elements), segments, False, scene.gravity)
+        self.model = RodModel(scene, num_elements, axial_softening=axial_softening).static
 
     @property
     def tracked_nodes(self) -> tuple[int, ...]:

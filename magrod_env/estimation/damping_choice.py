@@ -52,7 +52,7 @@ class DampingChoice:
         self._W, self._weight, self._largest = W, weight, largest_change
         self._masses = nudged.node_masses[0, nodes]
         self._shape = (num_rods, 1 + len(nodes), nudged.num_elements + 1, 3)
-        nudged._batch.use_node_damping()
+        nudged.rods.batch.use_node_damping()
 
     def sensitivity(
         self, rows: np.ndarray, pieces: Sequence[Piece], lengths: np.ndarray, born: np.ndarray | None = None

@@ -31,13 +31,13 @@ class Piece:
 
 def state_rows(simulation: Simulation) -> np.ndarray:
     """Complete state of every rod, float64, (num_rods, rows of a lane block)."""
-    return simulation._batch.gather(0, simulation._batch.layout.size)
+    return simulation.rods.batch.gather(0, simulation.rods.batch.layout.size)
 
 
 def set_state_rows(simulation: Simulation, rows: np.ndarray) -> None:
     """Give every rod a state that `state_rows` has read."""
-    simulation._batch.scatter(0, rows)
-    simulation._batch.status[:] = 0
+    simulation.rods.batch.scatter(0, rows)
+    simulation.rods.batch.status[:] = 0
 
 
 def split(pieces: Sequence[Piece], time: float) -> tuple[list[Piece], list[Piece]]:
@@ -76,7 +76,7 @@ def replay(
     copies = simulation.num_rods // len(rows)
     set_state_rows(simulation, np.repeat(rows, copies, axis=0))
     if damping is not None:
-        simulation._batch.set_node_damping(damping)
+        simulation.rods.batch.set_node_damping(damping)
     for piece in pieces:
         other = None if born is None else born >= piece.start - SAME_TIME
         if other is not None and other.any():
@@ -85,7 +85,7 @@ def replay(
             state[again] = np.repeat(piece.rows[other], copies, axis=0)
             set_state_rows(simulation, state)
             if damping is not None:
-                simulation._batch.set_node_damping(damping)
+                simulation.rods.batch.set_node_damping(damping)
         if note:
             piece.rows = state_rows(simulation)
         simulation.advance(piece.duration, field=np.repeat(piece.field, copies, axis=0))

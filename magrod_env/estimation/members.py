@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from magrod_env.estimation.coordinates import nodes_of, strains_of
-from magrod_env.estimation.equilibria import find_shapes
 from magrod_env.estimation.modes import slow_modes
 from magrod_env.estimation.unknowns import Unknown, Unknowns
 from magrod_env.rod.batch import PLANE_AXES
-from magrod_env.rod.layout import AXIAL, BENDING, DRAG, ELEMENT_ROWS, GRAVITY, LENGTH, SHEAR, SWAY, TILT, TORSION
+from magrod_env.rod.layout import GRAVITY
+from magrod_env.rotations import rotate, rotation_matrices_of_vectors
 from magrod_env.scene import Scene
 from magrod_env.simulation import Simulation, SimulationDiverged, StabilityError
 
@@ -63,16 +63,8 @@ class Members:
         self.plane = self.simulation.plane
         self.unknowns = Unknowns(scene, unknowns, self.plane)
         self.gravity = np.array(loaded.gravity)
-        batch = self.simulation._batch
-        self.lengths = batch.gather(batch.layout.elements, ELEMENT_ROWS * self.num_elements)[0, LENGTH::ELEMENT_ROWS]
-        kinds = np.array([AXIAL, SHEAR, BENDING, TORSION, TILT, SWAY])
-        elements = batch.layout.elements + ELEMENT_ROWS * np.arange(self.num_elements)
-        self._stiff_rows = (elements[:, None] + kinds).ravel()
-        self._stiffness = batch.rows[0, self._stiff_rows, 0].copy()
-        count = 3 * max(1, len(scene.magnets))
-        self._moment_rows = batch.layout.magnets + np.arange(count)
-        self._moments = batch.rows[0, self._moment_rows, 0].copy()
-        self._spin_scale = 2.0 * self.simulation._state.compliance[0, 1:]
+        self.lengths = np.diff(self.simulation.arc_lengths)
+        self._spin_scale = 2.0 * self.simulation.rods.motion.compliance[0, 1:]
         self._straight = np.tile(np.eye(6)[3], self.num_elements)
         self.slow = slow_modes(self.simulation, num_modes)
         self._parameters = np.zeros((*self.shape, len(self.unknowns)))
@@ -95,23 +87,18 @@ class Members:
 
     @parameters.setter
     def parameters(self, values: np.ndarray) -> None:
-        """Write what follows from the parameters into the lanes; masses and inertia stay.
-
-        Every stiffness of an element is proportional to E. Factors are kept in their bounds (`Unknowns.bounded`).
-        """
-        values = self.unknowns.bounded(values)
-        self._parameters, batch = values, self.simulation._batch
+        """Give the members their parameters; factors are kept in their bounds (`Unknowns.bounded`)."""
+        self._parameters = values = self.unknowns.bounded(values)
         flat = values.reshape(self.shape[0] * self.shape[1], len(self.unknowns))
-        if "modulus" in self.unknowns.columns:
-            batch.rows[:, self._stiff_rows] = self._in_blocks(self.unknowns.factor("modulus", flat), self._stiffness)
-        if "moment" in self.unknowns.columns:
-            batch.rows[:, self._moment_rows] = self._in_blocks(self.unknowns.factor("moment", flat), self._moments)
-        if "drag" in self.unknowns.columns:
-            drag = np.asarray(self.unknowns.factor("drag", flat)) * (self.simulation.scene.drag_rate or 0.0)
-            batch.scatter(DRAG, drag[:, None])
-        if "acceleration" in self.unknowns.columns:
-            pull = self.gravity + self.unknowns.vector("acceleration", flat)
-            batch.scatter(GRAVITY, pull[:, list(PLANE_AXES[self.plane])])
+        given: dict[str, np.ndarray] = {}
+        for name in ("modulus", "moment"):
+            if name in self.columns:
+                given[name] = np.asarray(self.unknowns.factor(name, flat))
+        if "drag" in self.columns:
+            given["drag"] = np.asarray(self.unknowns.factor("drag", flat)) * (self.simulation.scene.drag_rate or 0.0)
+        if "acceleration" in self.columns:
+            given["gravity"] = self.gravity + self.unknowns.vector("acceleration", flat)
+        self.simulation.rods.set_parameters(given)
         stiffest = max(
             (values[..., self.unknowns.columns[name]].max() for name in ("modulus", "moment") if name in self.columns),
             default=0.0,
@@ -123,13 +110,6 @@ class Members:
         """Columns of each parameter."""
         return self.unknowns.columns
 
-    def _in_blocks(self, factors: Any, nominal: np.ndarray) -> np.ndarray:
-        """Rows (num_blocks, len(nominal), L) that are nominal times each lane's factor."""
-        blocks, _, width = self.simulation._batch.rows.shape
-        full = np.ones(blocks * width)
-        full[: len(factors)] = factors
-        return full.reshape(blocks, 1, width) * nominal[:, None]
-
     # ---- time
 
     def advance(self, field: np.ndarray, duration: float) -> None:
@@ -138,7 +118,7 @@ class Members:
         Raises:
             SimulationDiverged: if a member fails and `on_failure` is "raise".
         """
-        self.simulation._batch.mark()
+        self.simulation.rods.batch.mark()
         self.simulation.advance(duration, self.fields(field))
         failed = np.flatnonzero(self.simulation.status)
         self.failed[failed // self.shape[1]] = True
@@ -155,7 +135,8 @@ class Members:
         fields = np.broadcast_to(field[:, None], (*values.shape[:2], 3)).reshape(-1, 3)
         if "misalignment" not in self.columns:
             return fields
-        return turned(self.unknowns.vector("misalignment", values).reshape(-1, 3), fields)
+        turns = rotation_matrices_of_vectors(self.unknowns.vector("misalignment", values).reshape(-1, 3))
+        return rotate(turns, fields)
 
     # ---- state
 
@@ -164,7 +145,7 @@ class Members:
         simulation = self.simulation
         return strains_of(
             simulation.positions,
-            simulation._state.quaternions,
+            simulation.rods.motion.quaternions,
             simulation.velocities,
             simulation.angular_velocities,
             self.lengths,
@@ -207,7 +188,7 @@ class Members:
         )
         velocities[:, 1:] = motion[..., :3]
         momenta[:, 1:] = motion[..., 3:] / self._spin_scale
-        simulation._state.write(positions, quaternions, velocities, momenta)
+        simulation.rods.motion.write(positions, quaternions, velocities, momenta)
 
     def at_rest(self, field: np.ndarray | None, values: np.ndarray) -> np.ndarray:
         """Strains (num_rods, K, N, 6) of rods with parameters (num_rods, K, P), straight or in equilibrium.
@@ -229,12 +210,11 @@ class Members:
         moment = np.broadcast_to(self.unknowns.factor("moment", values), (rods, count)).reshape(-1, 1)
         gravities = (self.gravity + self.unknowns.vector("acceleration", values).reshape(-1, 3)) / modulus
         fields = moment / modulus * self.fields(field, values)
-        positions = np.empty((rods * count, self.num_elements + 1, 3))
-        quaternions, shares = np.empty((*positions.shape[:2], 4)), np.empty(len(positions))
-        static = self.simulation._static
-        find_shapes(
-            static._block.copy(), static.layout, static.terms, gravities, fields, positions, quaternions, shares
-        )
+        static = self.simulation.rods.model.static
+        columns = np.tile(static.column, (rods * count, 1))
+        columns[:, GRAVITY : GRAVITY + 3] = gravities
+        loads = np.concatenate([fields, np.zeros((rods * count, 9))], axis=1)
+        positions, quaternions, shares, _ = static.solve(loads, columns)
         lost = (shares.reshape(rods, count) < 2.0).mean(axis=1) > 0.5
         if lost.any():
             rod = int(lost.argmax())
@@ -266,12 +246,3 @@ def _lost(rod: int, field: np.ndarray, shares: np.ndarray) -> str:
         f"field must lead to a stable equilibrium from zero, but most members of rod {rod} "
         f"buckle or snap through at {field.tolist()} T: start from a weaker field."
     )
-
-
-def turned(vectors: np.ndarray, fields: np.ndarray) -> np.ndarray:
-    """Fields (K, 3) rotated by rotation vectors (K, 3) rad (Rodrigues)."""
-    angle = np.linalg.norm(vectors, axis=1, keepdims=True)
-    axis = vectors / np.where(angle > 0.0, angle, 1.0)
-    sine, versine = np.sin(angle), 1.0 - np.cos(angle)
-    once = np.cross(axis, fields)
-    return fields + sine * once + versine * np.cross(axis, once)

@@ -56,7 +56,7 @@ def slow_modes(simulation: Simulation, num_modes: int) -> SlowModes:
     """The `num_modes` slowest modes of the straight rod without field, as rates and as shapes, and as further shapes
     those that torques at the magnets hold, which modes describe badly.
     """
-    static, elements = simulation._static, simulation.num_elements
+    static, elements = simulation.rods.model.static, simulation.num_elements
     stiffness, inertia = static.linearise(None)
     active = np.ravel(6 * np.arange(elements)[:, None] + ACTIVE[simulation.plane])
     inner, root = stiffness[np.ix_(active, active)], 1.0 / np.sqrt(inertia[active])
@@ -66,7 +66,7 @@ def slow_modes(simulation: Simulation, num_modes: int) -> SlowModes:
     turning = [k for k in ACTIVE[simulation.plane] if k >= 3]
     torqued = np.ravel(6 * (magnets[:, None] - 1) + turning)
     held = np.linalg.solve(inner, np.eye(6 * elements)[active][:, torqued])
-    rows = static._block.reshape(-1, len(static.terms.lanes))[:, 0]
+    rows = static.column
     first = static.layout.elements + ELEMENT_ROWS * np.arange(elements)
     lengths, torsion, bending = rows[first + LENGTH], rows[first + TORSION], rows[first + BENDING]
     axial = rows[first + AXIAL] * lengths

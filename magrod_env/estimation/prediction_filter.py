@@ -13,11 +13,12 @@ from magrod_env.estimation.history import Piece, replay, set_state_rows, split, 
 from magrod_env.estimation.innovation_spread import InnovationSpread
 from magrod_env.estimation.measurement import SAME_TIME, Measurement, marker_arc_lengths, marker_nodes
 from magrod_env.magnetics import _checks
+from magrod_env.resolution import EXPECTED_FIELD
 from magrod_env.rod.batch import PLANE_AXES
 from magrod_env.rod.energy import ENERGETIC
 from magrod_env.scene import Scene
 from magrod_env.shapes import Shape
-from magrod_env.simulation import EXPECTED_FIELD, Simulation, SimulationDiverged, StabilityError
+from magrod_env.simulation import Simulation, SimulationDiverged, StabilityError
 
 LAWS = ("replay", "extrapolated")
 DAMPED = ("all", "seen")
@@ -102,7 +103,7 @@ class PredictionFilter:
             num_threads=num_threads,
         )
         self._model = model(num_rods=num_rods, num_elements=num_elements, time_step=time_step)
-        self._model._batch.use_node_damping()
+        self._model.rods.batch.use_node_damping()
         self.scene, self.num_rods, num_elements = scene, self._model.num_rods, self._model.num_elements
         self.places = np.array(marker_arc_lengths(scene, markers))
         self._marker_nodes = marker_nodes(self._model.arc_lengths, tuple(self.places))
@@ -176,8 +177,8 @@ class PredictionFilter:
         self._field[rods] = 0.0 if fields is None else fields[rods]
         self._born[rods], self._before[rods] = self._time, np.nan
         self._damping[rods], self._deviation[rods] = 0.0, 1.0 / np.sqrt(self._W)
-        self._model._batch.set_node_damping(self._running)
-        self._model._batch.mark(rods)
+        self._model.rods.batch.set_node_damping(self._running)
+        self._model.rods.batch.mark(rods)
         self._spread.reset(rods, self._time)
 
     def predict(self, field: ArrayLike, duration: float) -> None:
@@ -374,7 +375,7 @@ class PredictionFilter:
         self._spread.take_in(self._innovation, noise, followed, exposure, lengths)
 
     def _check_models(self) -> None:
-        batch = self._model._batch
+        batch = self._model.rods.batch
         if (batch.status == ENERGETIC).any():
             batch.mark(batch.status == ENERGETIC)
         failed = np.flatnonzero(batch.status)

@@ -17,9 +17,10 @@ from magrod_env.estimation.members import Members, Rest
 from magrod_env.estimation.modes import slow_modes
 from magrod_env.estimation.unknowns import DEFAULTS, Unknown, Unknowns
 from magrod_env.magnetics import _checks
+from magrod_env.resolution import EXPECTED_FIELD
 from magrod_env.scene import Scene
 from magrod_env.shapes import Shape
-from magrod_env.simulation import EXPECTED_FIELD, Simulation
+from magrod_env.simulation import Simulation
 
 KURTOSIS = 2.0  # beta of the scaled transform, for a Gaussian
 

@@ -153,18 +153,24 @@ class RodBatch:
         key = (kernel, self.terms, *(argument is None for argument in arguments))
         if key not in self._bound:
             self._bound[key] = Bound(kernel)
-        kernel = self._bound[key]
-        total = len(self.blocks)
-        workers = min(self.num_threads, max(1, total * self.width // RODS_PER_THREAD[self.dtype.name]))
+        self._share_out(self._bound[key], self.blocks, RODS_PER_THREAD[self.dtype.name] // self.width, *arguments)
+
+    def share_out(self, kernel, blocks, *arguments) -> None:
+        """The same with blocks of another kind, whose kernel takes far longer than a step."""
+        self._share_out(kernel, blocks, 1, *arguments)
+
+    def _share_out(self, kernel, blocks, least: int, *arguments) -> None:
+        """Call a bound kernel on blocks, at least ``least`` of them in a thread."""
+        total = len(blocks)
+        workers = min(self.num_threads, max(1, total // max(1, least)))
         if workers == 1:
-            kernel(self.blocks, 0, total, *arguments)
+            kernel(blocks, 0, total, *arguments)
             return
         cuts = [total * k // workers for k in range(workers + 1)]
         others = [
-            self._pool.submit(kernel, self.blocks, first, last, *arguments)
-            for first, last in itertools.pairwise(cuts[1:])
+            self._pool.submit(kernel, blocks, first, last, *arguments) for first, last in itertools.pairwise(cuts[1:])
         ]
-        kernel(self.blocks, 0, cuts[1], *arguments)
+        kernel(blocks, 0, cuts[1], *arguments)
         for other in others:
             other.result()
 

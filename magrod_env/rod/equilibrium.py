@@ -1,18 +1,30 @@
-"""Statics and linearisation of one rod behind a small object: equilibria, branches, stiffness, stable steps."""
+"""Statics and linearisation of rods of one make: equilibria, branches, stiffness, stable steps."""
 
-import copy
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from magrod_env._jit import PRESENT
+from magrod_env._jit import PRESENT, Bound
 from magrod_env.rod import stability
 from magrod_env.rod.energy import LARGEST_STRAIN, SHEAR_SHARE
-from magrod_env.rod.layout import Terms, make_blocks, make_layout, rows_of
+from magrod_env.rod.layout import (
+    ELEMENT_ROWS,
+    FIELD,
+    GRADIENT,
+    GRAVITY,
+    LENGTH,
+    SPATIAL,
+    Terms,
+    make_blocks,
+    make_layout,
+    rows_of,
+)
 from magrod_env.rod.mesh import RodValues, write_rod
-from magrod_env.rod.state import rotation_matrices
-from magrod_env.rod.statics import LARGEST_TURN, REACHED, SHORTEST_STEP, find_equilibrium, relax, set_loads, turn
-from magrod_env.rod.tangent import BAND, LANES, assemble, factorise, solve_factored
+from magrod_env.rod.statics import LARGEST_TURN, flow_step, follow_blocks, lay_straight_blocks, make_room
+from magrod_env.rod.tangent import LANES
+from magrod_env.rotations import rotation_matrices
 
 HELD = 1e-6  # what a shape may move, in lengths and rad, under loads whose equilibrium it is said to be
 MOST_FLOWS = 1000  # steps of a relaxation
@@ -60,14 +72,31 @@ class Equilibrium:
         return self.rotations[:, :, 0]
 
 
+class Shapes(NamedTuple):
+    """Where K rods came to, each as in `Equilibrium`."""
+
+    positions: np.ndarray  # (K, num_nodes, 3) m, world
+    quaternions: np.ndarray  # (K, num_nodes, 4)
+    shares: np.ndarray  # (K,)
+    strained: np.ndarray  # (K,)
+
+    @property
+    def reached(self) -> np.ndarray:
+        """Whether each rod is in an equilibrium under all its loads, (K,)."""
+        return (self.shares >= 2.0) & ~self.strained
+
+
 class StaticModel:
-    """One rod's constants, always in float64 and in space, for equilibria and linearisation."""
+    """Equilibria and linearisation of rods of one make, always in float64 and in space, many at once in lanes.
+
+    ``column`` (rows,) holds the nominal rod's constants; rods that differ from it come as columns of their own.
+    """
 
     def __init__(self, values: RodValues, counts, magnet_segments, nodal: bool, gravity):
         def present(flag):
             return PRESENT if flag else None
 
-        self.counts = counts
+        self.counts, self.values = counts, values
         self.terms = Terms(
             lanes=LANES,
             nodal=present(nodal),
@@ -77,175 +106,182 @@ class StaticModel:
         ends = np.cumsum(counts)
         self.layout = make_layout(int(ends[-1]), tuple(int(ends[s]) for s in magnet_segments), self.terms)
         self.gravity = np.zeros(3) if gravity is None else np.array(gravity, float)
-        self._block = make_blocks(len(LANES), self.layout, self.terms, np.float64)[0]
-        rows = rows_of(self._block[None], len(LANES))[0]
-        for lane in range(len(LANES)):
-            write_rod(rows, lane, self.layout, counts, values, None, self.terms.nodal)
-        stability.set_gravity(self._block, self.terms, self.gravity)
+        rows = np.zeros((self.layout.size, 1))
+        write_rod(rows, 0, self.layout, counts, values, None, self.terms.nodal)
+        rows[GRAVITY : GRAVITY + 3, 0] = self.gravity
+        self.column = rows[:, 0]
         length = values.ends[-1]
         self._flow = values.bending / length * np.tile([length**-2] * 3 + [1.0] * 3, self.layout.num_elements)
+        self._bound: dict[bool, Bound] = {}
 
     def straight(self):
         """Positions (num_nodes, 3) and quaternions (num_nodes, 4) of the straight rod."""
-        return stability.straight(self._block, self.layout, self.terms)
+        return stability.straight(self.column, self.layout)
 
-    def equilibrium(self, field, gradient=None) -> Equilibrium:
-        """Equilibrium in ``field`` (3,) T and ``gradient`` (3, 3) T/m or None (see ``find_equilibrium``)."""
-        block = self._block.copy()
-        positions, quaternions = self.straight()
-        slopes = _slopes(gradient)
-        present = None if gradient is None else PRESENT
-        status, share = find_equilibrium(
-            block,
-            self.layout,
-            self.terms,
-            self.terms.nodal,
-            present,
-            np.array(field, float),
-            slopes,
-            positions,
-            quaternions,
-        )
-        return self._result(positions, quaternions, status == REACHED, share, field, slopes)
+    # ---- many rods
 
-    def continued(self, start: Equilibrium, field, gradient=None) -> Equilibrium:
+    def solve(self, loads, columns=None, start: Shapes | None = None, begin=None, share: Callable | None = None):
+        """Equilibria of K rods under ``loads`` (K, 12): field, T, and gradient, T/m.
+
+        Args:
+            loads: what acts at the end.
+            columns: (K, rows) constants of each rod; None for the nominal one.
+            start: poses near the equilibria, under the loads ``begin`` (K, 12; None for ``loads``); None starts from
+                the unloaded straight rod, as does a rod whose pose leads nowhere and that has no ``begin``.
+            share: calls a kernel on all blocks, shared out over threads (see `RodBatch.share_out`); None calls it here.
+
+        Returns:
+            `Shapes`; where stability is lost, the last stable shape.
+        """
+        loads = np.ascontiguousarray(loads, float)
+        columns = np.broadcast_to(self.column, (len(loads), self.layout.size)) if columns is None else columns
+        found = self._follow(columns, loads, start, loads if begin is None else begin, share)
+        if start is not None and begin is None and (found.shares < 2.0).any():
+            lost = np.flatnonzero(found.shares < 2.0)
+            again = self._follow(columns[lost], loads[lost], None, None, share)
+            for old, new in zip(found, again, strict=True):
+                old[lost] = new
+        return found
+
+    def _follow(self, columns, loads, start: Shapes | None, begin, share) -> Shapes:
+        blocks, rows = self.blocks(columns)
+        count, width = len(loads), len(LANES)
+        ends, begins, shares = (np.zeros((len(blocks) * width, *rest)) for rest in ((12,), (12,), ()))
+        ends[:count], ends[count:] = loads, loads[-1]
+        if start is not None:
+            begins[:count], begins[count:], shares[:] = begin, begin[-1], 1.0
+            self.put(rows, start.positions, start.quaternions)
+        else:
+            lay_straight_blocks(rows, self.layout)
+        with_gradient = bool(ends[:, 3:].any() or begins[:, 3:].any())
+        terms = self.terms._replace(gradient=PRESENT if with_gradient else None)
+        kernel = self._bound.setdefault(with_gradient, Bound(follow_blocks))
+        arguments = (self.layout, terms, begins, ends, shares)
+        if share is None:
+            kernel(blocks, 0, len(blocks), *arguments)
+        else:
+            share(kernel, blocks, *arguments)
+        positions, quaternions = self._poses(rows, count)
+        return Shapes(positions, quaternions, shares[:count].copy(), self._strains(columns, positions, quaternions))
+
+    def blocks(self, columns):
+        """Lane blocks of the rods of ``columns`` (K, rows), the last repeated, and a view of their rows."""
+        blocks = make_blocks(len(columns), self.layout, self.terms, np.float64)
+        rows, width = rows_of(blocks, len(LANES)), len(LANES)
+        lanes = np.minimum(np.arange(len(blocks) * width), len(columns) - 1)
+        rows[:] = columns[lanes].reshape(len(blocks), width, -1).transpose(0, 2, 1)
+        return blocks, rows
+
+    def put(self, rows, positions, quaternions, velocities=None, momenta=None) -> None:
+        """Write poses (K, num_nodes, 3) and (K, num_nodes, 4), and motion where it is given, into the lanes of rows, the
+        last repeated.
+        """
+        blocks, width = len(rows), rows.shape[2]
+        lanes = np.minimum(np.arange(blocks * width), len(positions) - 1)
+        nodes = rows[:, self.layout.nodes : self.layout.elements].reshape(blocks, -1, SPATIAL.size, width)
+        for first, part in zip(SPATIAL, (positions, quaternions, velocities, momenta), strict=False):
+            if part is not None:
+                each = part[lanes].reshape(blocks, width, *part.shape[1:])
+                nodes[:, :, first : first + part.shape[2]] = each.transpose(0, 2, 3, 1)
+
+    def _poses(self, rows, count: int):
+        """Positions (count, num_nodes, 3) and quaternions (count, num_nodes, 4) of the first rods."""
+        nodes = rows[:, self.layout.nodes : self.layout.elements].reshape(len(rows), -1, SPATIAL.size, rows.shape[2])
+        each = nodes[:, :, : SPATIAL.velocity].transpose(0, 3, 1, 2).reshape(-1, nodes.shape[1], SPATIAL.velocity)
+        return each[:count, :, :3].copy(), each[:count, :, 3:].copy()
+
+    def _strains(self, columns, positions, quaternions):
+        """Whether an element of each rod is stretched or squeezed by more than half, bent by a half turn or, of helical
+        elements, sheared by more than LARGEST_STRAIN/SHEAR_SHARE against the middle section; (K,).
+        """
+        places = self.layout.elements + LENGTH + ELEMENT_ROWS * np.arange(self.layout.num_elements)
+        chords = np.diff(positions, axis=1) / columns[:, places][..., None]
+        stretch = np.abs(np.linalg.norm(chords, axis=2) - 1.0).max(axis=1)
+        turned = ((quaternions[:, 1:] * quaternions[:, :-1]).sum(axis=2) <= 0.0).any(axis=1)
+        if self.terms.nodal is None:
+            middle = quaternions[:, 1:] + quaternions[:, :-1]
+            size = np.linalg.norm(middle, axis=2, keepdims=True)
+            normal = rotation_matrices(middle / np.where(size > 0.0, size, 1.0))[..., 0]
+            shear = np.linalg.norm(np.cross(normal, chords), axis=2).max(axis=1)
+            stretch = np.maximum(stretch, SHEAR_SHARE * shear)
+        return turned | (stretch > LARGEST_STRAIN)
+
+    # ---- one rod
+
+    def equilibrium(self, field, gradient=None, column=None) -> Equilibrium:
+        """Equilibrium in ``field`` (3,) T and ``gradient`` (3, 3) T/m or None, reached from the straight rod."""
+        loads = _loads(field, gradient)
+        return _first(self.solve(loads[None], _one(column)), loads)
+
+    def continued(self, start: Equilibrium, field, gradient=None, column=None) -> Equilibrium:
         """Equilibrium in ``field`` (3,) T and ``gradient`` (3, 3) T/m, followed from that of other loads.
 
-        The loads go from those of ``start`` to these along a straight line, gravity staying on. Every accepted point is
-        stable and near the one before, as in ``find_equilibrium``; ``share`` is 1 plus the share of the way.
+        The loads go from those of ``start`` to these along a straight line, the scene's staying on. Every accepted
+        point is stable and near the one before; ``share`` is 1 plus the share of the way.
         """
-        begin = np.concatenate([start.field, start.gradient.ravel()])
-        end = np.concatenate([np.asarray(field, float), _slopes(gradient)])
-        positions, quaternions = start.positions.copy(), start.quaternions.copy()
-        with_gradient = bool(begin[3:].any() or end[3:].any())
-        share, step = 0.0, 1.0
-        while share < 1.0 and step >= SHORTEST_STEP:
-            goal = min(share + step, 1.0)
-            found = self._relax(positions, quaternions, (1.0 - goal) * begin + goal * end, with_gradient)
-            if found is None:
-                step *= 0.5
-            else:
-                (positions, quaternions), share, step = found, goal, min(2.0 * step, 1.0)
-        return self._result(positions, quaternions, share >= 1.0, 1.0 + share, end[:3], end[3:])
+        begin, loads = _loads(start.field, start.gradient), _loads(field, gradient)
+        return _first(self.solve(loads[None], _one(column), _alone(start), begin[None]), loads)
 
-    def holds(self, case: Equilibrium) -> bool:
+    def holds(self, case: Equilibrium, column=None) -> bool:
         """Whether a shape is a stable equilibrium of this rod under its loads."""
-        loads = np.concatenate([case.field, case.gradient.ravel()])
-        found = self._relax(case.positions, case.quaternions, loads, bool(loads[3:].any()))
-        if found is None:
+        loads = _loads(case.field, case.gradient)[None]
+        found = self.solve(loads, _one(column), _alone(case), loads)
+        if found.shares[0] < 2.0:
             return False
-        moved = np.abs(found[0] - case.positions).max() / self.straight()[0][-1, 0]
-        return max(moved, np.abs(found[1] - case.quaternions).max()) < HELD
+        moved = np.abs(found.positions[0] - case.positions).max() / self.values.ends[-1]
+        return max(moved, np.abs(found.quaternions[0] - case.quaternions).max()) < HELD
 
-    def relaxed(self, positions, quaternions, field, gradient=None) -> Equilibrium:
+    def follow(self, case: Equilibrium, field) -> Equilibrium:
+        """Equilibrium in ``field`` (3,) T, continued from one nearby; from zero field where that is too far."""
+        if not case.reached:
+            return self.equilibrium(field)
+        loads = _loads(field, None)
+        return _first(self.solve(loads[None], None, _alone(case)), loads)
+
+    def relaxed(self, positions, quaternions, field, gradient=None, column=None) -> Equilibrium:
         """Equilibrium in ``field`` (3,) T and ``gradient`` (3, 3) T/m in which a shape comes to rest.
 
         The shape flows down its energy as if there were no inertia and every node were braked by EI/L^3 against
         displacement and EI/L against rotation: implicit Euler steps, as long as they turn no node far, until Newton's
         method converges. A shape that balances on an unstable equilibrium stays there and counts as not reached.
         """
-        loads = np.concatenate([np.asarray(field, float), _slopes(gradient)])
-        positions, quaternions = positions.copy(), quaternions.copy()
-        rate = 1.0  # one over the step
+        loads = _loads(field, gradient)
+        terms = self.terms._replace(gradient=PRESENT if loads[3:].any() else None)
+        blocks, rows = self.blocks(_one(self.column if column is None else column))
+        self.put(rows, positions[None], quaternions[None])
+        rows[:, FIELD : FIELD + 3], rows[:, GRADIENT : GRADIENT + 9] = loads[:3, None], loads[3:, None]
+        room, flow, rate = make_room(self.layout, LANES), np.repeat(self._flow, len(LANES)), 1.0
         for _ in range(MOST_FLOWS):
-            change = self._flow_step(positions, quaternions, loads, rate)
-            largest = np.inf if change is None else self._size(change)
+            largest = flow_step(blocks[0], self.layout, terms, terms.nodal, terms.gradient, rate * flow, room)
             if not largest <= LARGEST_TURN:
                 rate *= 4.0
                 continue
-            self._move(positions, quaternions, change)
             if largest < SMALL_FLOW:
-                found = self._relax(positions, quaternions, loads, bool(loads[3:].any()))
-                if found is not None:
-                    return self._result(*found, True, 2.0, loads[:3], loads[3:])
+                near = Shapes(*self._poses(rows, 1), np.zeros(1), np.zeros(1, bool))
+                found = self.solve(loads[None], _one(column), near, loads[None])
+                if found.shares[0] >= 2.0:
+                    return _first(found, loads)
                 if largest < AT_REST and rate <= 1.0:
                     break
             if largest < 0.5 * LARGEST_TURN:
                 rate *= 0.5
-        return self._result(positions, quaternions, False, 1.0, loads[:3], loads[3:])
+        near = Shapes(*self._poses(rows, 1), np.ones(1), np.zeros(1, bool))
+        return _first(near, loads)
 
-    def _result(self, positions, quaternions, reached, share, field, slopes) -> Equilibrium:
-        loads = np.array(field, float), slopes.reshape(3, 3).copy()
-        strained = self._strain(positions, quaternions) > LARGEST_STRAIN
-        return Equilibrium(positions, quaternions, bool(reached) and not strained, float(share), *loads, strained)
-
-    def _strain(self, positions, quaternions) -> float:
-        """Largest stretch or squeeze of an element's chord or, of helical elements, SHEAR_SHARE of its shear against
-        the middle section; infinite where an element is bent by a half turn or more.
-        """
-        lengths = np.diff(self.straight()[0][:, 0])
-        chords = np.diff(positions, axis=0) / lengths[:, None]
-        sizes = np.linalg.norm(chords, axis=1)
-        if ((quaternions[1:] * quaternions[:-1]).sum(axis=1) <= 0.0).any():
-            return np.inf
-        stretch = np.abs(sizes - 1.0).max()
-        if self.terms.nodal is not None:
-            return float(stretch)
-        middle = quaternions[1:] + quaternions[:-1]
-        normal = rotation_matrices(middle / np.linalg.norm(middle, axis=1, keepdims=True))[..., 0]
-        return float(max(stretch, SHEAR_SHARE * np.linalg.norm(np.cross(normal, chords), axis=1).max()))
-
-    def _flow_step(self, positions, quaternions, loads, rate: float):
-        """Change (6 N,) of the degrees of freedom in a step of 1/``rate`` of the flow; None where it has no minimum."""
-        residual, band = self._room()
-        block, present = self._loaded(loads), PRESENT if loads[3:].any() else None
-        terms = self.terms
-        assemble(block, self.layout, terms, terms.nodal, present, positions, quaternions, residual, band, 2)
-        band[:, BAND - 1] += rate * self._flow
-        if factorise(band) != 0:
-            return None
-        solve_factored(band, residual)
-        return residual
-
-    def _room(self):
-        size = 6 * self.layout.num_elements
-        return np.zeros(size), np.zeros((size, BAND))
-
-    def _loaded(self, loads):
-        """The rod's block with gravity and loads (12,): field, T, and gradient, T/m."""
-        block = self._block.copy()
-        set_loads(block, self.terms, 2.0, self.gravity, loads[:3].copy(), loads[3:].copy())
-        return block
-
-    def _relax(self, positions, quaternions, loads, with_gradient: bool):
-        """Positions and quaternions of the stable equilibrium near a shape under loads (12,); None where none is."""
-        positions, quaternions = positions.copy(), quaternions.copy()
-        block, present = self._loaded(loads), PRESENT if with_gradient else None
-        room = self._room()
-        terms = self.terms
-        reached = relax(block, self.layout, terms, terms.nodal, present, positions, quaternions, *room)
-        return (positions, quaternions) if reached else None
-
-    def _size(self, change) -> float:
-        """Largest rotation (rad) or displacement (over the length) of a change (6 N,) of the degrees of freedom."""
-        length = self.straight()[0][-1, 0]
-        return float(np.abs(change.reshape(-1, 6) / ([length] * 3 + [1.0] * 3)).max())
-
-    def _move(self, positions, quaternions, change) -> None:
-        """Displace and rotate the nodes beyond the clamp, in place."""
-        for node, part in enumerate(change.reshape(-1, 6), start=1):
-            positions[node] += part[:3]
-            turn(quaternions[node], part[3], part[4], part[5])
-
-    def follow(self, case: Equilibrium, field) -> Equilibrium:
-        """Equilibrium in ``field`` (3,) T, continued from one nearby; from zero field where that is too far."""
-        loads = np.concatenate([np.asarray(field, float), np.zeros(9)])
-        found = self._relax(case.positions, case.quaternions, loads, False) if case.reached else None
-        return self.equilibrium(field) if found is None else self._result(*found, True, 2.0, loads[:3], loads[3:])
-
-    def linearise(self, case: Equilibrium | None):
-        """Dense stiffness and lumped inertia at an equilibrium; None: straight and without load."""
-        block = self._block.copy()
+    def linearise(self, case: Equilibrium | None, column=None):
+        """Dense stiffness (6 N, 6 N) and lumped inertia (6 N,) at an equilibrium; None: straight and without load."""
+        column = self.column if column is None else column
         if case is None:
             terms = self.terms._replace(magnets=None)
-            return stability.linearise(block, self.layout, terms, None, *self.straight())
-        set_loads(block, self.terms, 2.0, self.gravity, case.field, case.gradient.ravel())
-        present = PRESENT if case.gradient.any() else None
-        return stability.linearise(block, self.layout, self.terms, present, case.positions, case.quaternions)
+            return stability.linearise(column, self.layout, terms, *self.straight())
+        terms = self.terms._replace(gradient=PRESENT if case.gradient.any() else None)
+        loaded = column.copy()
+        loaded[FIELD : FIELD + 3], loaded[GRADIENT : GRADIENT + 9] = case.field, case.gradient.ravel()
+        return stability.linearise(loaded, self.layout, terms, case.positions, case.quaternions)
 
     def stable_time_step(self, field_magnitude: float, plane: str | None, pull: float = 0.0) -> float:
         """See ``stability.stable_time_step``."""
-        return stability.stable_time_step(self._block, self.layout, self.terms, field_magnitude, plane, pull=pull)
+        return stability.stable_time_step(self.column, self.layout, self.terms, field_magnitude, plane, pull=pull)
 
     def stable_time_step_at(self, case: Equilibrium, plane: str | None) -> float:
         """Largest stable step, s, of small motions about an equilibrium."""
@@ -257,20 +293,48 @@ class StaticModel:
         The least of straight, sagging under 2 g and hanging under 3 g, as at the bottom of a swing, all with
         ``shock_stiffness`` added (docs/physics.md).
         """
-        shock = stability.shock_stiffness(self._block, self.layout, self.terms, field_magnitude)
-        bound = stability.stable_time_step(self._block, self.layout, self.terms, field_magnitude, plane, shock)
+        shock = stability.shock_stiffness(self.column, self.layout, field_magnitude)
+        bound = stability.stable_time_step(self.column, self.layout, self.terms, field_magnitude, plane, shock)
         if self.terms.gravity is None:
             return bound
         hanging = np.array([3.0 * np.linalg.norm(self.gravity), 0.0, 0.0])
         for gravity in (2.0 * self.gravity, hanging):
-            swung = copy.copy(self)
-            swung.gravity, swung._block = gravity, self._block.copy()
-            stability.set_gravity(swung._block, self.terms, gravity)
-            stiffness, inertia = swung.linearise(swung.equilibrium(np.zeros(3)))
+            column = self.column.copy()
+            column[GRAVITY : GRAVITY + 3] = gravity
+            stiffness, inertia = self.linearise(self.equilibrium(np.zeros(3), column=column), column)
             bound = min(bound, stability.time_step_bound(stiffness + np.diag(shock), inertia, plane))
         return bound
 
 
-def _slopes(gradient) -> np.ndarray:
-    """A gradient (3, 3) T/m, or None, as the kernels take it, (9,)."""
-    return np.zeros(9) if gradient is None else np.array(gradient, float).ravel()
+def _loads(field, gradient) -> np.ndarray:
+    """Field (3,) T and gradient (3, 3) T/m, or None, as the kernels take them, (12,)."""
+    slopes = np.zeros(9) if gradient is None else np.asarray(gradient, float).ravel()
+    return np.concatenate([np.asarray(field, float), slopes])
+
+
+def _one(column):
+    """The constants of one rod (rows,) as those of K = 1; None stays."""
+    return None if column is None else column[None]
+
+
+def _alone(case: Equilibrium) -> Shapes:
+    """One equilibrium as K = 1."""
+    return Shapes(case.positions[None], case.quaternions[None], np.full(1, 2.0), np.zeros(1, bool))
+
+
+def _first(shapes: Shapes, loads) -> Equilibrium:
+    """The only one of K = 1."""
+    return shapes_at(shapes, 0, loads)
+
+
+def shapes_at(shapes: Shapes, index: int, loads) -> Equilibrium:
+    """One of many equilibria, under ``loads`` (12,)."""
+    return Equilibrium(
+        shapes.positions[index],
+        shapes.quaternions[index],
+        bool(shapes.reached[index]),
+        float(shapes.shares[index]),
+        loads[:3].copy(),
+        loads[3:].reshape(3, 3).copy(),
+        bool(shapes.strained[index]),
+    )

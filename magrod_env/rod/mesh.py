@@ -131,7 +131,14 @@ def lumped_lengths(arc, corrected):
 
 @jit
 def write_rod(rows, lane, layout, counts, values, planar, nodal):
-    """Write one rod's constants into lane ``lane`` of a block ``rows`` (num_rows, L), and lay it straight and at rest.
+    """Write one rod's constants into a lane of a block ``rows`` (num_rows, L), and lay it straight and at rest."""
+    write_constants(rows, lane, layout, counts, values, planar, nodal)
+    write_straight(rows, lane, layout, planar)
+
+
+@jit
+def write_constants(rows, lane, layout, counts, values, planar, nodal):
+    """Write one rod's constants into lane ``lane`` of a block ``rows`` (num_rows, L); its motion stays.
 
     The helical element gets corrected masses, the nodal element those of the paper. In the plane of its bend, shear
     meets less stiffness, by ``sway`` (N) of the bend squared (docs/physics.md).
@@ -172,7 +179,6 @@ def write_rod(rows, lane, layout, counts, values, planar, nodal):
     for magnet in range(len(layout.magnet_nodes)):
         for axis in range(3):
             rows[layout.magnets + 3 * magnet + axis, lane] = values.magnet_moments[magnet, axis]
-    write_straight(rows, lane, layout, planar)
 
 
 @jit

@@ -2,36 +2,39 @@
 
 import numpy as np
 
-from magrod_env.rod.layout import AXIAL, BENDING, ELEMENT_ROWS, GRAVITY, LENGTH, SHEAR, SPATIAL, TILT, Layout, Terms
-from magrod_env.rod.tangent import BAND, assemble
+from magrod_env.rod.layout import AXIAL, BENDING, ELEMENT_ROWS, LENGTH, SHEAR, SPATIAL, TILT, Layout, Terms
+from magrod_env.rod.tangent import BAND, LANES, assemble
 
 ACTIVE = {None: [0, 1, 2, 3, 4, 5], "xy": [0, 1, 5], "xz": [0, 2, 4]}  # degrees of freedom of a node
 
 
-def linearise(block, layout: Layout, terms: Terms, gradient, positions, rotations):
+def linearise(column, layout: Layout, terms: Terms, positions, rotations):
     """Dense stiffness (6 N, 6 N) and lumped inertia (6 N,) of one rod at a configuration.
 
-    ``block`` holds the rod's constants in all lanes; ``positions`` (N + 1, 3) m, ``rotations`` (N + 1, 4).
+    ``column`` (rows,) holds the rod's constants and loads; ``positions`` (N + 1, 3) m, ``rotations`` (N + 1, 4).
     """
-    size = 6 * layout.num_elements
-    residual, band = np.zeros(size), np.zeros((size, BAND))
-    assemble(block, layout, terms, terms.nodal, gradient, positions, rotations, residual, band, 4)
+    size, width = 6 * layout.num_elements, len(LANES)
+    block = np.repeat(column, width)
+    nodes = block.reshape(-1, width)[layout.nodes : layout.elements].reshape(-1, SPATIAL.size, width)
+    nodes[:, SPATIAL.position : SPATIAL.position + 3] = positions[..., None]
+    nodes[:, SPATIAL.rotation : SPATIAL.rotation + 4] = rotations[..., None]
+    system, out = np.zeros((size + BAND * size) * width), np.zeros(18 * width)
+    assemble(block, layout, terms, terms.nodal, terms.gradient, np.ones(2 * width), system, out, 4)
+    band = system.reshape(-1, width)[size:, 0].reshape(size, BAND)
     stiffness = np.zeros((size, size))
     for i in range(size):
         for k in range(max(0, BAND - 1 - i), BAND):
             j = i - (BAND - 1 - k)
             stiffness[i, j] = stiffness[j, i] = band[i, k]
-    rows = block.reshape(-1, len(terms.lanes))[:, 0]
-    nodes = layout.nodes + SPATIAL.size * np.arange(1, layout.num_elements + 1)
-    mass = 1.0 / rows[nodes + SPATIAL.inverse_mass]
-    axial, transverse = 0.5 / rows[nodes + SPATIAL.compliance], 0.5 / rows[nodes + SPATIAL.compliance + 1]
+    places = layout.nodes + SPATIAL.size * np.arange(1, layout.num_elements + 1)
+    mass = 1.0 / column[places + SPATIAL.inverse_mass]
+    axial, transverse = 0.5 / column[places + SPATIAL.compliance], 0.5 / column[places + SPATIAL.compliance + 1]
     return stiffness, np.stack([mass, mass, mass, axial, transverse, transverse], axis=1).ravel()
 
 
-def straight(block, layout: Layout, terms: Terms):
-    """Positions (N + 1, 3) and rotations (N + 1, 4) of the straight rod of a block."""
-    rows = block.reshape(-1, len(terms.lanes))[:, 0]
-    lengths = rows[layout.elements + LENGTH + ELEMENT_ROWS * np.arange(layout.num_elements)]
+def straight(column, layout: Layout):
+    """Positions (N + 1, 3) and rotations (N + 1, 4) of the straight rod of a column of constants."""
+    lengths = column[layout.elements + LENGTH + ELEMENT_ROWS * np.arange(layout.num_elements)]
     positions, rotations = np.zeros((layout.num_elements + 1, 3)), np.zeros((layout.num_elements + 1, 4))
     positions[1:, 0] = np.cumsum(lengths)
     rotations[:, 0] = 1.0
@@ -47,7 +50,7 @@ def angular_frequencies(stiffness, inertia, plane: str | None):
 
 
 def stable_time_step(
-    block, layout: Layout, terms: Terms, field_magnitude: float, plane: str | None, added=0.0, pull: float = 0.0
+    column, layout: Layout, terms: Terms, field_magnitude: float, plane: str | None, added=0.0, pull: float = 0.0
 ) -> float:
     """Largest stable time step of the straight rod, s, in a field of any direction up to ``field_magnitude`` T.
 
@@ -56,31 +59,29 @@ def stable_time_step(
     gradient, which may pull every magnet along the rod with |m| times as much: tension stiffens the sections' rotation.
     Internal damping does not shorten the step.
     """
-    positions, rotations = straight(block, layout, terms)
-    stretched = stretch(block, layout, terms, positions, pull) if pull > 0.0 else positions
-    stiffness, inertia = linearise(block, layout, terms._replace(magnets=None), None, stretched, rotations)
+    positions, rotations = straight(column, layout)
+    stretched = stretch(column, layout, positions, pull) if pull > 0.0 else positions
+    stiffness, inertia = linearise(column, layout, terms._replace(magnets=None), stretched, rotations)
     for number, node in enumerate(layout.magnet_nodes):
         for k in (3, 4, 5):
             i = 6 * (node - 1) + k
-            stiffness[i, i] += moment_of(block, layout, terms, number) * field_magnitude
+            stiffness[i, i] += moment_of(column, layout, number) * field_magnitude
     return time_step_bound(stiffness + np.diag(np.zeros(len(inertia)) + added), inertia, plane)
 
 
-def moment_of(block, layout: Layout, terms: Terms, magnet: int) -> float:
+def moment_of(column, layout: Layout, magnet: int) -> float:
     """Dipole moment of a magnet, A m^2."""
-    rows = block.reshape(-1, len(terms.lanes))[:, 0]
-    return float(np.linalg.norm(rows[layout.magnets + 3 * magnet :][:3]))
+    return float(np.linalg.norm(column[layout.magnets + 3 * magnet :][:3]))
 
 
-def stretch(block, layout: Layout, terms: Terms, positions, pull: float):
+def stretch(column, layout: Layout, positions, pull: float):
     """Positions (N + 1, 3) of the straight rod whose magnets are pulled along it with ``pull`` times their moments."""
-    rows = block.reshape(-1, len(terms.lanes))[:, 0]
     elements = layout.elements + ELEMENT_ROWS * np.arange(layout.num_elements)
     tension = np.zeros(layout.num_elements)
     for number, node in enumerate(layout.magnet_nodes):
-        tension[:node] += pull * moment_of(block, layout, terms, number)
+        tension[:node] += pull * moment_of(column, layout, number)
     stretched = positions.copy()
-    stretched[1:, 0] += np.cumsum(tension * rows[elements + LENGTH] / rows[elements + AXIAL])
+    stretched[1:, 0] += np.cumsum(tension * column[elements + LENGTH] / column[elements + AXIAL])
     return stretched
 
 
@@ -89,19 +90,18 @@ def time_step_bound(stiffness, inertia, plane: str | None) -> float:
     return float(2.0 / np.nanmax(angular_frequencies(stiffness, inertia, plane)))
 
 
-def shock_stiffness(block, layout: Layout, terms: Terms, field_magnitude: float):
+def shock_stiffness(column, layout: Layout, field_magnitude: float):
     """Diagonal stiffness (6 N,), N m, that a sudden field of ``field_magnitude`` T may add to the sections' rotations.
 
     The field turns a magnet's section before its neighbours move: to twice the angle at which its elements hold it, so
     d = 2 m B/k with k = sum of GA* h/4 + EI/h. A turned element is shorter than its chord by a part of d^2, and its
     axial stiffness then adds to both ends' rotational stiffness; the diagonal bounds the matrix (docs/physics.md).
     """
-    rows = block.reshape(-1, len(terms.lanes))[:, 0]
     added = np.zeros((layout.num_elements + 1, 6))
     for number, node in enumerate(layout.magnet_nodes):
-        moment = moment_of(block, layout, terms, number)
+        moment = moment_of(column, layout, number)
         elements = {node - 1, min(node, layout.num_elements - 1)} - {-1}
-        parts = {e: rows[layout.elements + ELEMENT_ROWS * e :][:ELEMENT_ROWS] for e in elements}
+        parts = {e: column[layout.elements + ELEMENT_ROWS * e :][:ELEMENT_ROWS] for e in elements}
         hold = sum(sheared(part) * part[LENGTH] / 4.0 + part[BENDING] for part in parts.values())
         turn = min(2.0 * moment * field_magnitude / hold, np.pi)
         for element, part in parts.items():
@@ -115,8 +115,3 @@ def shock_stiffness(block, layout: Layout, terms: Terms, field_magnitude: float)
 def sheared(part) -> float:
     """Shear stiffness GA* of an element, N, from its rows; the nodal element's is GA."""
     return 1.0 / (1.0 / part[SHEAR] + (1.0 / part[TILT] if part[TILT] > 0.0 else 0.0))
-
-
-def set_gravity(block, terms: Terms, gravity) -> None:
-    """Write gravity (3,) m/s^2 into every lane of a block."""
-    block.reshape(-1, len(terms.lanes))[GRAVITY : GRAVITY + 3] = np.asarray(gravity)[:, None]

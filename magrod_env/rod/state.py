@@ -4,6 +4,7 @@ import numpy as np
 
 from magrod_env.rod.batch import RodBatch
 from magrod_env.rod.layout import LEAST_COSINE
+from magrod_env.rotations import rotation_matrices
 
 
 class BatchState:
@@ -68,6 +69,12 @@ class BatchState:
         """Angular momenta, kg m^2/s, of angular velocities, rad/s, both in the body frame, (num_rods, num_nodes, 3)."""
         return angular_velocities / (2.0 * np.where(self.compliance > 0.0, self.compliance, 1.0))
 
+    def set_momenta(self, momenta: np.ndarray) -> None:
+        """Set the angular momenta, kg m^2/s, body frame, (num_rods, num_nodes, 3)."""
+        if self.plane is not None:
+            momenta = momenta[..., [2]] if self.plane == "xy" else -momenta[..., [1]]
+        self.batch.set_nodes(self.rows.momentum, momenta)
+
     def _in_space(self, row: int) -> np.ndarray:
         flat = self.batch.nodes(row, len(self.batch.axes))
         if self.plane is None:
@@ -99,14 +106,3 @@ class BatchState:
         batch.set_nodes(rows.velocity, velocities)
         batch.set_nodes(rows.momentum, momenta)
         batch.rows[:, LEAST_COSINE] = 1.0
-
-
-def rotation_matrices(quaternions: np.ndarray) -> np.ndarray:
-    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4), scalar first."""
-    w, x, y, z = np.moveaxis(quaternions, -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))

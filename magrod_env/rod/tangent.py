@@ -1,16 +1,18 @@
-"""Residual and tangent stiffness of one rod, element by element, from the loads that the stepping kernel uses.
+"""Residual and tangent stiffness of rods at rest, several rods in the lanes of a block, from the loads that the
+stepping kernel uses.
 
 Degrees of freedom of node a = 1..N: displacement (world, m) and rotation (body, rad), 6 a node. The tangent is the
-derivative of the loads by central differences, eight perturbations at a time in the lanes of one block; tests compare
-it with the second derivative of the energy. It is stored by its lower band, 12 wide. Slow vibrations of slender rods
-are small differences of large stiffnesses: for these, differences are extrapolated to order four.
+derivative of the loads by central differences; tests compare it with the second derivative of the energy. It is stored
+by its lower band, 12 wide. Slow vibrations of slender rods are small differences of large stiffnesses: for these,
+differences are extrapolated to order four.
 """
 
-import numpy as np
-
-from magrod_env._jit import jit
-from magrod_env.rod.layout import ELEMENT_ROWS, GRAVITY, SPATIAL
-from magrod_env.rod.loads import element_loads, load_pose, magnet_loads, store3
+from magrod_env._jit import inline_jit, jit
+from magrod_env._simd import constant, load, minimum, store
+from magrod_env.rod.elimination import add1, add3
+from magrod_env.rod.layout import ELEMENT_ROWS, GRAVITY, LENGTH, SPATIAL
+from magrod_env.rod.loads import element_loads, load3, load_pose, magnet_loads, node_row, store3
+from magrod_env.rod.so3 import compose_cayley, normalise, scale
 
 LANES = (0,) * 8
 BAND = 12
@@ -18,65 +20,69 @@ STEP = 2e-6  # of the perturbation: rad, and of an element's length
 LONG_STEP = 2e-5  # the same where differences over this step and twice as much are extrapolated
 
 
-@jit
-def write_pose(rows, row, position, rotation, direction, lane, step, length):
-    """Put a pose, moved by ``step`` along degree of freedom ``direction`` (0-5; -1 none), into one lane."""
-    for k in range(3):
-        rows[row + k, lane] = position[k]
-    w, x, y, z = rotation[0], rotation[1], rotation[2], rotation[3]
-    if 0 <= direction < 3:
-        rows[row + direction, lane] += step * length
-    elif direction >= 3:
-        half = 0.5 * step
-        a = half if direction == 3 else 0.0
-        b = half if direction == 4 else 0.0
-        c = half if direction == 5 else 0.0
-        w, x, y, z = (
-            w - x * a - y * b - z * c,
-            x + w * a + y * c - z * b,
-            y + w * b + z * a - x * c,
-            z + w * c + x * b - y * a,
-        )
-        norm = np.sqrt(w * w + x * x + y * y + z * z)
-        w, x, y, z = w / norm, x / norm, y / norm, z / norm
-    rows[row + 3, lane] = w
-    rows[row + 4, lane] = x
-    rows[row + 5, lane] = y
-    rows[row + 6, lane] = z
+@inline_jit
+def band_row(system_rows, i, j):
+    """Row of entry (i, j), j <= i, of the band, which follows the residual of ``system_rows`` rows."""
+    return system_rows + BAND * i + BAND - 1 - (i - j)
 
 
-@jit
-def element_lanes(block, layout, element, terms, nodal, scratch, out):
-    """Loads of an element for the eight pose pairs in ``scratch``: rows of ``out`` are force, torque on a, torque on
-    b.
+@inline_jit
+def moved(pose, direction, step, length):
+    """A pose displaced by ``step * length`` along world axis ``direction`` (0-2) or turned by ``step`` rad about body
+    axis ``direction - 3`` (3-5); any other direction leaves it where it is.
     """
-    pose_a, pose_b = load_pose(scratch, 0, terms.lanes, None), load_pose(scratch, 7, terms.lanes, None)
-    force, torque_a, torque_b = element_loads(block, layout, element, pose_a, pose_b, terms.lanes, None, nodal)
-    store3(out, 0, force, terms.lanes)
-    store3(out, 3, torque_a, terms.lanes)
-    store3(out, 6, torque_b, terms.lanes)
-
-
-@jit
-def magnet_lanes(block, layout, magnet, terms, gradient, scratch, out):
-    """Loads on a magnet for the eight poses in ``scratch``: rows of ``out`` are force and torque."""
-    torque, force = magnet_loads(
-        block, layout, magnet, load_pose(scratch, 0, terms.lanes, None), terms.lanes, None, gradient
+    shift, half = step * length, 0.5 * step
+    position = (
+        pose[0][0] + (1.0 if direction == 0 else 0.0) * shift,
+        pose[0][1] + (1.0 if direction == 1 else 0.0) * shift,
+        pose[0][2] + (1.0 if direction == 2 else 0.0) * shift,
     )
-    store3(out, 3, torque, terms.lanes)
-    if gradient is not None:
-        store3(out, 0, force, terms.lanes)
+    turn = (
+        constant(half if direction == 3 else 0.0, length),
+        constant(half if direction == 4 else 0.0, length),
+        constant(half if direction == 5 else 0.0, length),
+    )
+    return position, normalise(compose_cayley(pose[1], turn))
 
 
 @jit
-def add_entry(band, i, j, value):
+def moved_element_loads(block, layout, element, terms, nodal, direction, step, out):
+    """Loads of an element with one degree of freedom moved, 0-5 at node a, 6-11 at node b, -1 none: rows of ``out`` are
+    the force on a (world), the torques on a and on b (body).
+    """
+    lanes = terms.lanes
+    length = load(block, layout.elements + ELEMENT_ROWS * element + LENGTH, lanes)
+    pose_a = moved(load_pose(block, node_row(layout, None, element), lanes, None), direction, step, length)
+    pose_b = moved(load_pose(block, node_row(layout, None, element + 1), lanes, None), direction - 6, step, length)
+    force, torque_a, torque_b = element_loads(block, layout, element, pose_a, pose_b, lanes, None, nodal)
+    store3(out, 0, force, lanes)
+    store3(out, 3, torque_a, lanes)
+    store3(out, 6, torque_b, lanes)
+
+
+@jit
+def moved_magnet_loads(block, layout, magnet, terms, gradient, direction, step, out):
+    """Loads on a magnet with one degree of freedom of its node moved: rows of ``out`` are force and torque."""
+    lanes = terms.lanes
+    length = load(block, layout.elements + LENGTH, lanes)
+    pose = load_pose(block, node_row(layout, None, layout.magnet_nodes[magnet]), lanes, None)
+    torque, force = magnet_loads(block, layout, magnet, moved(pose, direction, step, length), lanes, None, gradient)
+    zero = constant(0.0, length)
+    store3(out, 0, (zero, zero, zero), lanes)
+    if gradient is not None:
+        store3(out, 0, force, lanes)
+    store3(out, 3, torque, lanes)
+
+
+@jit
+def add_entry(system, rows, i, j, value, lanes):
     """Add to the symmetric band matrix: half of each of the entries (i, j) and (j, i) reaches the lower triangle."""
     if i == j:
-        band[i, BAND - 1] += value
+        add1(system, band_row(rows, i, j), value, lanes)
     elif i > j:
-        band[i, BAND - 1 - (i - j)] += 0.5 * value
+        add1(system, band_row(rows, i, j), 0.5 * value, lanes)
     else:
-        band[j, BAND - 1 - (j - i)] += 0.5 * value
+        add1(system, band_row(rows, j, i), 0.5 * value, lanes)
 
 
 @jit
@@ -88,126 +94,128 @@ def difference(order, pair):
 
 
 @jit
-def assemble(block, layout, terms, nodal, gradient, positions, rotations, residual, band, order):
-    """Residual loads (6 N,) and the symmetric part of the tangent (6 N, 12) at a configuration, by central differences
-    of ``order`` 2 or 4.
+def add_element(block, layout, element, terms, nodal, system, out, order):
+    """Add an element's loads to the residual and its stiffness to the band.
 
-    ``block`` holds the rod's constants in all eight lanes. Row 6 (a - 1) + k of the residual is force k (world, N) or
-    torque k - 3 (body, N m) on node a.
+    Moving both ends together changes nothing, so that displacements of node a follow from those of node b.
     """
-    rows = block.reshape(-1, len(terms.lanes))
-    scratch, out = np.zeros(14 * 8), np.zeros(9 * 8)
-    view, loads = scratch.reshape(14, 8), out.reshape(9, 8)
-    residual[:] = 0.0
-    band[:] = 0.0
-    for element in range(layout.num_elements):
-        a, b = 6 * (element - 1), 6 * element
-        length = rows[layout.elements + ELEMENT_ROWS * element, 0]
-        write_pose(view, 0, positions[element], rotations[element], -1, 0, 0.0, length)
-        write_pose(view, 7, positions[element + 1], rotations[element + 1], -1, 0, 0.0, length)
-        element_lanes(block, layout, element, terms, nodal, scratch, out)
-        for k in range(3):
-            residual[b + k] -= loads[k, 0]
-            residual[b + 3 + k] += loads[6 + k, 0]
-            if element > 0:
-                residual[a + k] += loads[k, 0]
-                residual[a + 3 + k] += loads[3 + k, 0]
-        for group in range(3 * (order // 2)):
-            step, weight = difference(order, group // 3)
-            for lane in range(8):
-                direction, side = 4 * (group % 3) + lane // 2, step if lane % 2 == 0 else -step
-                on_b = direction - 6 if direction >= 6 else -1
-                on_a = direction if direction < 6 else -1
-                write_pose(view, 0, positions[element], rotations[element], on_a, lane, side, length)
-                write_pose(view, 7, positions[element + 1], rotations[element + 1], on_b, lane, side, length)
-            element_lanes(block, layout, element, terms, nodal, scratch, out)
-            for pair in range(4):
-                direction = 4 * (group % 3) + pair
-                column = a + direction if direction < 6 else b + direction - 6
-                if direction < 6 and element == 0:
-                    continue
-                factor = weight / (2.0 * step * (length if direction % 6 < 3 else 1.0))
-                for k in range(9):
-                    slope = -factor * (loads[k, 2 * pair] - loads[k, 2 * pair + 1])
-                    if k < 6 and element > 0:
-                        add_entry(band, a + k, column, slope)
+    lanes, size = terms.lanes, 6 * layout.num_elements
+    a, b = 6 * (element - 1), 6 * element
+    moved_element_loads(block, layout, element, terms, nodal, -1, 0.0, out)
+    add3(system, b, scale(-1.0, load3(out, 0, lanes)), lanes)
+    add3(system, b + 3, load3(out, 6, lanes), lanes)
+    if element > 0:
+        add3(system, a, load3(out, 0, lanes), lanes)
+        add3(system, a + 3, load3(out, 3, lanes), lanes)
+    length = load(block, layout.elements + ELEMENT_ROWS * element + LENGTH, lanes)
+    one = constant(1.0, length)
+    for direction in range(6 if element == 0 else 3, 12):
+        for pair in range(order // 2):
+            step, weight = difference(order, pair)
+            moved_element_loads(block, layout, element, terms, nodal, direction, step, out)
+            for k in range(9):
+                store(out, 9 + k, load(out, k, lanes), lanes)
+            moved_element_loads(block, layout, element, terms, nodal, direction, -step, out)
+            shared = 6 <= direction < 9
+            factor = -weight / (2.0 * step) / (length if shared else one)
+            column = a + direction if direction < 6 else b + direction - 6
+            for k in range(9):
+                slope = factor * (load(out, 9 + k, lanes) - load(out, k, lanes))
+                if k < 6 and element > 0:
+                    add_entry(system, size, a + k, column, slope, lanes)
+                    if shared:
+                        add_entry(system, size, a + k, a + direction - 6, -slope, lanes)
+                if k < 3:
+                    add_entry(system, size, b + k, column, -slope, lanes)
+                elif k >= 6:
+                    add_entry(system, size, b + k - 3, column, slope, lanes)
+                if shared and element > 0:
                     if k < 3:
-                        add_entry(band, b + k, column, -slope)
+                        add_entry(system, size, b + k, a + direction - 6, slope, lanes)
                     elif k >= 6:
-                        add_entry(band, b + k - 3, column, slope)
-    if terms.gravity is not None:
-        for node in range(1, layout.num_elements + 1):
-            mass = 1.0 / rows[layout.nodes + SPATIAL.size * node + SPATIAL.inverse_mass, 0]
-            for k in range(3):
-                residual[6 * (node - 1) + k] += mass * rows[GRAVITY + k, 0]
-    if terms.magnets is not None:
-        add_magnets(block, layout, terms, gradient, positions, rotations, residual, band)
+                        add_entry(system, size, b + k - 3, a + direction - 6, -slope, lanes)
 
 
 @jit
-def add_magnets(block, layout, terms, gradient, positions, rotations, residual, band):
-    """Add the magnets' loads and stiffness."""
-    scratch, out = np.zeros(14 * 8), np.zeros(9 * 8)
-    view, loads = scratch.reshape(14, 8), out.reshape(9, 8)
-    length = block[len(terms.lanes) * layout.elements]
-    for magnet in range(len(layout.magnet_nodes)):
-        node = layout.magnet_nodes[magnet]
-        first = 6 * (node - 1)
-        for group in range(3):
-            for lane in range(8):
-                direction = 4 * (group - 1) + lane // 2 if group > 0 else -1
-                direction = direction if direction < 6 else -1
-                step = STEP if lane % 2 == 0 else -STEP
-                write_pose(view, 0, positions[node], rotations[node], direction, lane, step, length)
-            magnet_lanes(block, layout, magnet, terms, gradient, scratch, out)
-            for k in range(6):
-                if group == 0:
-                    residual[first + k] += loads[k, 0]
-                    continue
-                for pair in range(4):
-                    direction = 4 * (group - 1) + pair
-                    if direction < 6:
-                        size = 2.0 * STEP * (length if direction < 3 else 1.0)
-                        slope = -(loads[k, 2 * pair] - loads[k, 2 * pair + 1]) / size
-                        add_entry(band, first + k, first + direction, slope)
+def add_magnet(block, layout, magnet, terms, gradient, share, system, out):
+    """Add a magnet's loads, times its lane's ``share`` (row 1 of it), and their stiffness."""
+    lanes, size = terms.lanes, 6 * layout.num_elements
+    first, part = 6 * (layout.magnet_nodes[magnet] - 1), load(share, 1, lanes)
+    moved_magnet_loads(block, layout, magnet, terms, gradient, -1, 0.0, out)
+    add3(system, first, scale(part, load3(out, 0, lanes)), lanes)
+    add3(system, first + 3, scale(part, load3(out, 3, lanes)), lanes)
+    length = load(block, layout.elements + LENGTH, lanes)
+    one = constant(1.0, length)
+    for direction in range(6):
+        moved_magnet_loads(block, layout, magnet, terms, gradient, direction, STEP, out)
+        for k in range(6):
+            store(out, 9 + k, load(out, k, lanes), lanes)
+        moved_magnet_loads(block, layout, magnet, terms, gradient, direction, -STEP, out)
+        factor = -0.5 / STEP * part / (length if direction < 3 else one)
+        for k in range(6):
+            slope = factor * (load(out, 9 + k, lanes) - load(out, k, lanes))
+            add_entry(system, size, first + k, first + direction, slope, lanes)
 
 
 @jit
-def factorise(band):
-    """LDL^T of a symmetric band matrix in place; returns the number of negative pivots, -1 if one is zero or not
-    finite.
+def assemble(block, layout, terms, nodal, gradient, share, system, out, order):
+    """Residual loads (6 N rows) and the symmetric part of the tangent (12 * 6 N rows) of every rod of a block.
+
+    The poses are those in ``block``; ``share`` (2 * L,) is the part of the scene's loads and of the field that acts on
+    each. Row 6 (a - 1) + k of the residual is force k (world, N) or torque k - 3 (body, N m) on node a. ``out`` (18 *
+    L,) is scratch memory; differences are of ``order`` 2 or 4.
     """
-    n = band.shape[0]
-    negative = 0
-    for i in range(n):
+    lanes = terms.lanes
+    system[:] = 0.0
+    for element in range(layout.num_elements):
+        add_element(block, layout, element, terms, nodal, system, out, order)
+    if terms.gravity is not None:
+        pull = scale(load(share, 0, lanes), load3(block, GRAVITY, lanes))
+        for node in range(1, layout.num_elements + 1):
+            mass = 1.0 / load(block, node_row(layout, None, node) + SPATIAL.inverse_mass, lanes)
+            add3(system, 6 * (node - 1), scale(mass, pull), lanes)
+    if terms.magnets is not None:
+        for magnet in range(len(layout.magnet_nodes)):
+            add_magnet(block, layout, magnet, terms, gradient, share, system, out)
+
+
+@jit
+def factorise(system, size, least, lanes):
+    """LDL^T of the symmetric band matrices in place, 1/D on their diagonals; the least pivot of each lane goes to
+    ``least`` (L,): a matrix is positive definite where it is above 0.
+    """
+    smallest = constant(1e300, load(system, 0, lanes))
+    for i in range(size):
         first = max(0, i - BAND + 1)
         for j in range(first, i):
-            total = band[i, BAND - 1 - (i - j)]
+            total = load(system, band_row(size, i, j), lanes)
             for k in range(max(first, j - BAND + 1), j):
-                total -= band[i, BAND - 1 - (i - k)] * band[j, BAND - 1 - (j - k)]
-            band[i, BAND - 1 - (i - j)] = total
-        pivot = band[i, BAND - 1]
+                product = load(system, band_row(size, i, k), lanes) * load(system, band_row(size, j, k), lanes)
+                total = total - product
+            store(system, band_row(size, i, j), total, lanes)
+        pivot = load(system, band_row(size, i, i), lanes)
         for j in range(first, i):
-            scaled = band[i, BAND - 1 - (i - j)] / band[j, BAND - 1]
-            pivot -= band[i, BAND - 1 - (i - j)] * scaled
-            band[i, BAND - 1 - (i - j)] = scaled
-        band[i, BAND - 1] = pivot
-        if not np.isfinite(pivot) or pivot == 0.0:
-            return -1
-        if pivot < 0.0:
-            negative += 1
-    return negative
+            entry = load(system, band_row(size, i, j), lanes)
+            scaled = entry * load(system, band_row(size, j, j), lanes)
+            pivot = pivot - entry * scaled
+            store(system, band_row(size, i, j), scaled, lanes)
+        smallest = minimum(smallest, pivot)
+        store(system, band_row(size, i, i), 1.0 / pivot, lanes)
+    store(least, 0, smallest, lanes)
 
 
 @jit
-def solve_factored(band, vector):
-    """Solve in place with a matrix that ``factorise`` has factored."""
-    n = band.shape[0]
-    for i in range(n):
+def solve_factored(system, size, lanes):
+    """Solve for the right-hand sides in the first ``size`` rows, in place, with what ``factorise`` left."""
+    for i in range(size):
+        value = load(system, i, lanes)
         for j in range(max(0, i - BAND + 1), i):
-            vector[i] -= band[i, BAND - 1 - (i - j)] * vector[j]
-    for i in range(n):
-        vector[i] /= band[i, BAND - 1]
-    for i in range(n - 1, -1, -1):
+            value = value - load(system, band_row(size, i, j), lanes) * load(system, j, lanes)
+        store(system, i, value, lanes)
+    for i in range(size):
+        store(system, i, load(system, i, lanes) * load(system, band_row(size, i, i), lanes), lanes)
+    for i in range(size - 1, -1, -1):
+        value = load(system, i, lanes)
         for j in range(max(0, i - BAND + 1), i):
-            vector[j] -= band[i, BAND - 1 - (i - j)] * vector[i]
+            entry = load(system, band_row(size, i, j), lanes)
+            store(system, j, load(system, j, lanes) - entry * value, lanes)

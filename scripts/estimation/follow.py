@@ -37,7 +37,7 @@ class ModelAlone:
     def __init__(self, case: Case, known_start: bool) -> None:
         self._simulation = Simulation(case.scene, on_failure="report", **case.settings)
         if known_start:
-            self._simulation.restore(model_start(case).snapshot())
+            self._simulation.set_state(model_start(case).state())
         self.arc_lengths = self._simulation.arc_lengths
 
     def predict(self, field: np.ndarray, duration: float) -> None:

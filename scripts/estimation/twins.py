@@ -156,7 +156,7 @@ def brake(simulation: Simulation, duration: float) -> None:
 def loaded(simulation: Simulation, **options: Any) -> Simulation:
     """The same rod in the same state with `LOAD` at its tip; options as for its `Simulation`."""
     heavier = Simulation(with_load(simulation.scene, LOAD), **options)
-    heavier._state.write(simulation.positions, simulation._state.quaternions)
+    heavier.rods.motion.write(simulation.positions, simulation.rods.motion.quaternions)
     heavier.set_motion(simulation.velocities, simulation.angular_velocities)
     return heavier
 

@@ -65,12 +65,12 @@ def force_step(simulation: Simulation, time_step: float) -> None:
 
 def grows(simulation: Simulation, time_step: float, num_steps: int = NUM_STEPS) -> bool:
     """Whether a small disturbance of the present state grows without end at a step (s); the state is left as it is."""
-    snapshot = simulation.snapshot()
+    snapshot = simulation.state()
     before = disturb(simulation)
     force_step(simulation, time_step)
     simulation.advance(num_steps * time_step)
     after = float(np.abs(simulation.velocities).max())
-    simulation.restore(snapshot)
+    simulation.set_state(snapshot)
     return not after < GROWTH * before
 
 

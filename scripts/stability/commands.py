@@ -13,7 +13,7 @@ from tqdm import tqdm
 import magrod_env  # noqa: F401  (registers the ids)
 from agents.rollout import REAL_RODS
 from magrod_env.registration import IDS
-from magrod_env.simulation import _SYMPTOMS, PRECISIONS
+from magrod_env.simulation.simulation import _SYMPTOMS, PRECISIONS
 from scripts import Check, Report, Table
 
 EVERY = (1, 2, 3, 4, 6, 9)  # control steps between flips

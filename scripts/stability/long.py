@@ -49,12 +49,12 @@ def axial_momentum(simulation: Simulation) -> np.ndarray:
     The clamp (O = 1) stays as it is, sections are round, and gravity and field lie along x. Neither of the two parts
     is constant alone, since the clamp holds the rod.
     """
-    return simulation.angular_momentum()[:, 0] - simulation._state.momenta[:, 1:, 0].sum(axis=1)
+    return simulation.angular_momentum()[:, 0] - simulation.rods.motion.momenta[:, 1:, 0].sum(axis=1)
 
 
 def sample(simulation: Simulation) -> dict[str, np.ndarray]:
     """The quantities, (num_rods,) each; norm and orthogonality as deviations."""
-    quaternions, rotations = simulation._state.quaternions, simulation.rotations
+    quaternions, rotations = simulation.rods.motion.quaternions, simulation.rotations
     skew = np.swapaxes(rotations, -1, -2) @ rotations - np.eye(3)
     return {
         "energy": simulation.energy(),

@@ -13,7 +13,7 @@ from magrod_env import Simulation, StabilityError
 from magrod_env.integrator import SHARES
 from magrod_env.rod.energy import ENERGETIC, NOT_FINITE
 from magrod_env.rod.implicit import UNSOLVED
-from magrod_env.simulation import _SYMPTOMS
+from magrod_env.simulation.simulation import _SYMPTOMS
 from scripts.stability.drawing import Trial, first_period, own_time
 
 TOLERANCE = 0.05  # of the tip's largest distance from the straight rod's, RMS over the run

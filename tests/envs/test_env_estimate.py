@@ -358,7 +358,7 @@ def test_one_failed_estimate_begins_anew_and_no_other():
     for k in range(10):
         envs.step(actions[k])
     simulation = envs.estimator.members.simulation
-    batch, lane = simulation._batch, envs.estimator.num_members  # the first member of the second rod
+    batch, lane = simulation.rods.batch, envs.estimator.num_members  # the first member of the second rod
     row = batch.layout.nodes + batch.node_rows.size + batch.node_rows.velocity
     batch.rows[lane // batch.width, row, lane % batch.width] = np.nan
     for k in range(10, 30):

@@ -20,7 +20,12 @@ def moving():
 
 
 def state_of(simulation):
-    return simulation.positions, simulation._state.quaternions, simulation.velocities, simulation.angular_velocities
+    return (
+        simulation.positions,
+        simulation.rods.motion.quaternions,
+        simulation.velocities,
+        simulation.angular_velocities,
+    )
 
 
 def random_strains(size, count=20, elements=4):

@@ -75,9 +75,9 @@ def test_sensitivity_of_a_free_mass_over_many_steps():
     """dp/dK = -T^2 v/(2 m), half of what the one-step formula gives with T for dt."""
     options = dict(OPTIONS, num_elements=1, time_step=1e-4)
     model = Simulation(SCENE.replace(gravity=None), **options)
-    model._batch.use_node_damping()
+    model.rods.batch.use_node_damping()
     for stiffness in (AXIAL, SHEAR, BENDING, TORSION, SWAY):
-        model._batch.rows[:, model._batch.layout.elements + stiffness] = 0.0
+        model.rods.batch.rows[:, model.rods.batch.layout.elements + stiffness] = 0.0
     velocity = np.array([0.05, 0.0, -0.2])
     model.set_motion(np.array([[[0, 0, 0], velocity]]))
     rows, piece_field = state_rows(model), np.zeros((1, 3))
@@ -93,7 +93,7 @@ def test_sensitivity_is_the_derivative_of_the_simulators_positions():
     """Central differences with node dampings a hundred times larger; markers in the middle and at the tip."""
     model = Simulation(SCENE, **OPTIONS)
     model.reset(field=(0.0, 0.0, 20e-3))
-    model._batch.use_node_damping()
+    model.rods.batch.use_node_damping()
     model.advance(0.1, field=np.zeros(3))
     rows, field = state_rows(model), np.zeros((1, 3))
     choice = choice_for(SCENE, model, [1, 2, 3, 4], [2, 4], **OPTIONS)
@@ -104,8 +104,8 @@ def test_sensitivity_is_the_derivative_of_the_simulators_positions():
         for sign in (1, -1):
             damping = np.zeros((1, 5, 3))
             damping[0, node, axis] = sign * 1e-2 * masses[node] / FRAME
-            model._batch.scatter(0, rows)
-            model._batch.set_node_damping(damping)
+            model.rods.batch.scatter(0, rows)
+            model.rods.batch.set_node_damping(damping)
             model.advance(FRAME, field=np.zeros(3))
             ends.append(model.positions[0, [2, 4]].ravel())
         slope = (ends[0] - ends[1]) / (2e-2 * masses[node] / FRAME)

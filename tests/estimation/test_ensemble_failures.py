@@ -19,7 +19,7 @@ def ensemble(**settings):
 
 def spoil(rods, rod):
     """A member's velocity is lost."""
-    batch, lane = rods.members.simulation._batch, rod * rods.num_members + 2
+    batch, lane = rods.members.simulation.rods.batch, rod * rods.num_members + 2
     row = batch.layout.nodes + batch.node_rows.size + batch.node_rows.velocity
     batch.rows[lane // batch.width, row, lane % batch.width] = np.nan
 

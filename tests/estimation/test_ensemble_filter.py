@@ -35,7 +35,7 @@ def linear_rod(scene, memory):
     it, the number of the nodes' degrees of freedom and the rod.
     """
     simulation = Simulation(scene, num_elements=4, plane="xz")
-    stiffness, inertia = simulation._static.linearise(None)
+    stiffness, inertia = simulation.rods.model.static.linearise(None)
     active = np.ravel(6 * np.arange(4)[:, None] + [0, 2, 4])
     inner, mass = stiffness[np.ix_(active, active)], inertia[active]
     size = len(active)
@@ -168,7 +168,7 @@ def test_a_sudden_load_is_followed():
     before = Simulation(SCENE, num_elements=8, plane="xz", num_threads=1)
     before.reset(commands[0])
     after = Simulation(SCENE.replace(gravity=(0.0, 0.0, -10.81)), num_elements=8, plane="xz", num_threads=1)
-    after._state.write(before.positions, before._state.quaternions)
+    after.rods.motion.write(before.positions, before.rods.motion.quaternions)
     tips = [before.tip_position[0]] * 21
     for field in commands[20:]:
         after.advance(FRAME, field)

@@ -100,7 +100,7 @@ def test_a_factor_does_not_run_away_and_a_load_may():
     assert np.all(far == 100.0)  # the caller's are left alone
     guesses.parameters = -far
     np.testing.assert_allclose(guesses.parameters[0, 0, :3], [-1.0, -2.5, -0.5])
-    assert np.isfinite(guesses.simulation._batch.rows).all()
+    assert np.isfinite(guesses.simulation.rods.batch.rows).all()
 
 
 @pytest.mark.parametrize(

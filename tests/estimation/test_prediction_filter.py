@@ -58,8 +58,8 @@ def test_filter_finds_the_minimiser_of_the_true_cost(share, tolerance):
     def cost(x):
         damping = np.zeros((1, 5, 3))
         damping[0, 4, [0, 2]] = x * unit
-        model._batch.scatter(0, start)
-        model._batch.set_node_damping(damping)
+        model.rods.batch.scatter(0, start)
+        model.rods.batch.set_node_damping(damping)
         model.advance(FRAME, field=FREE)
         outcome[:] = [model.tip_position[0]]
         e = model.tip_position[0] - goal[0, 0]
@@ -90,8 +90,8 @@ def test_known_uniform_damping_is_recovered_from_all_nodes():
     estimator = swinging(markers=EVERY, damping_spread=1e3, measurement_weight=1e18)
     estimator.update(frame(np.full((1, 4, 3), np.nan), estimator.time))  # closes the interval
     truth, masses = swinging()._model, estimator._model.node_masses[0, 1:, None]
-    truth._batch.scatter(0, state_rows(estimator._model))
-    truth._batch.set_node_damping(0.5 * np.repeat(truth.node_masses[..., None], 3, axis=-1))
+    truth.rods.batch.scatter(0, state_rows(estimator._model))
+    truth.rods.batch.set_node_damping(0.5 * np.repeat(truth.node_masses[..., None], 3, axis=-1))
     truth.advance(FRAME, field=FREE)
     estimator.predict(FREE, FRAME)
     missed = np.abs(estimator.positions - truth.positions).max()

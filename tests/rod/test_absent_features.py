@@ -25,11 +25,11 @@ def moved(scene, *, poison=None, plane=None, num_rods=1):
     simulation = Simulation(scene, num_elements=4, time_step=1e-4, plane=plane, num_rods=num_rods, num_threads=1)
     if poison is not None:
         first, count = poison
-        simulation._batch.rows[:, first : first + count] = np.nan
+        simulation.rods.batch.rows[:, first : first + count] = np.nan
     field = FIELD_ON if plane is None else (0.0, 0.0, 6e-3)
     if scene.magnets:
-        simulation._batch.set_field(np.tile(field, (num_rods, 1)))
-    simulation._batch.run(400, 1e-4)
+        simulation.rods.batch.set_field(np.tile(field, (num_rods, 1)))
+    simulation.rods.batch.run(400, 1e-4)
     return simulation.positions, simulation.velocities, simulation.rotations
 
 

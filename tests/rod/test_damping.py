@@ -33,7 +33,7 @@ def shaken(simulation, seed=0):
 
 def damp_for(simulation, span):
     """Let only the damping act, for a span of time (s)."""
-    batch = simulation._batch
+    batch = simulation.rods.batch
     planar, lanes = batch.terms.planar, len(batch.terms.lanes)
     scratch = np.zeros(simulation.num_elements * damping_rows(freedoms_of(planar)) * lanes, batch.dtype)
     for block in batch.blocks:
@@ -57,7 +57,7 @@ def dense(simulation):
     mass, damping = np.zeros((6 * n, 6 * n)), np.zeros((6 * n + 6, 6 * n + 6))
     for node in range(1, n + 1):
         part = 6 * (node - 1)
-        inertia = 0.5 / simulation._state.compliance[0, node]
+        inertia = 0.5 / simulation.rods.motion.compliance[0, node]
         mass[part : part + 3, part : part + 3] = simulation.node_masses[0, node] * np.eye(3)
         mass[part + 3 : part + 6, part + 3 : part + 6] = rotations[node] @ np.diag(inertia) @ rotations[node].T
     EA, GA, EI, GJ = rod.axial_stiffness, rod.shear_stiffness, rod.bending_stiffness, rod.torsional_stiffness
@@ -82,9 +82,9 @@ def test_a_short_span_is_the_exponential_of_the_dense_matrices():
     mass, damping = dense(simulation)
     rate = np.linalg.solve(mass, damping)
     fastest = np.abs(np.linalg.eigvals(rate)).max()
-    start, state, errors = motion(simulation), simulation.snapshot(), []
+    start, state, errors = motion(simulation), simulation.state(), []
     for share in (0.1, 0.05, 0.025):
-        simulation.restore(state)
+        simulation.set_state(state)
         damp_for(simulation, share / fastest)
         errors.append(np.abs(motion(simulation) - expm(-share / fastest * rate) @ start).max() / np.abs(start).max())
     np.testing.assert_allclose(np.log2(np.array(errors[:-1]) / errors[1:]), 3.0, atol=0.15)
@@ -109,9 +109,9 @@ def test_any_span_is_the_rational_function_of_the_dense_matrices(span):
 def test_no_span_and_no_damping_adds_energy(plane, precision):
     for time in (1e-6, 1e-3, 10.0):
         simulation = shaken(damped(time=time, plane=plane, precision=precision))
-        state, before = simulation.snapshot(), simulation.energies()["kinetic"][0]
+        state, before = simulation.state(), simulation.energies()["kinetic"][0]
         for span in (1e-7, 1e-5, 1e-3, 0.1, 1e3):
-            simulation.restore(state)
+            simulation.set_state(state)
             damp_for(simulation, span)
             assert simulation.energies()["kinetic"][0] <= before * (1.0 + 1e-6)
 
@@ -149,7 +149,7 @@ def test_vibrations_decay_at_half_the_time_times_their_frequency_squared(loss, n
     plain = Simulation(WEIGHTLESS, num_elements=num_elements)
     time = loss / (2.0 * np.pi * plain.natural_frequencies()[0])
     simulation = damped(time=time, num_elements=num_elements)
-    stiffness, inertia = simulation._static.linearise(None)
+    stiffness, inertia = simulation.rods.model.static.linearise(None)
     root = 1.0 / np.sqrt(inertia)
     squares, shapes = np.linalg.eigh(root[:, None] * stiffness * root)
     for square, shape in zip(squares[: 2 * num_elements], shapes.T, strict=False):

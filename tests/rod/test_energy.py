@@ -98,10 +98,9 @@ def test_a_diverging_rod_leaves_the_others_as_they_were():
 
 def test_a_rod_that_is_not_a_number_stays_in_its_lane():
     calm, mixed = (Simulation(SOFT, num_rods=8, num_elements=4, on_failure="report") for _ in range(2))
-    poisoned = mixed.snapshot()
-    lanes = poisoned["blocks"].reshape(1, -1, 8)
-    lanes[0, mixed._batch.layout.nodes + SPATIAL.size + SPATIAL.velocity, 5] = np.nan
-    mixed.restore(poisoned)
+    poisoned = mixed.state()
+    poisoned.nodes[5, 1, SPATIAL.velocity] = np.nan
+    mixed.set_state(poisoned)
     for simulation in (calm, mixed):
         simulation.advance(0.05, field=FIELD)
     others = np.arange(8) != 5
@@ -139,8 +138,8 @@ def test_small_rises_of_energy_add_up():
     simulation.advance(0.1)
     looks = 0
     while not simulation.status[0] and looks < 15:
-        rows = simulation._batch.node_rows
-        simulation._batch.set_nodes(rows.velocity, 1.05 * simulation._batch.nodes(rows.velocity, 3))
-        simulation._batch.watch()
+        rows = simulation.rods.batch.node_rows
+        simulation.rods.batch.set_nodes(rows.velocity, 1.05 * simulation.rods.batch.nodes(rows.velocity, 3))
+        simulation.rods.batch.watch()
         looks += 1
     assert 1 < looks < 8

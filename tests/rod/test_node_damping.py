@@ -14,9 +14,9 @@ FIELD = np.array([2e-3, 0.0, 8e-3])
 def damped(scene, damping, **options):
     """A simulation whose nodes have the damping (num_rods or 1, num_nodes, 3), kg/s."""
     simulation = Simulation(scene, **{"num_elements": 4, "time_step": 1e-4, **options})
-    simulation._batch.use_node_damping()
+    simulation.rods.batch.use_node_damping()
     shape = (simulation.num_rods, simulation.num_elements + 1, 3)
-    simulation._batch.set_node_damping(np.broadcast_to(damping, shape))
+    simulation.rods.batch.set_node_damping(np.broadcast_to(damping, shape))
     return simulation
 
 
@@ -36,8 +36,8 @@ def test_a_free_mass_slows_exponentially_along_each_axis(drag_rate):
     simulation = damped(WEIGHTLESS.replace(drag_rate=drag_rate), 0.0, num_elements=1)
     simulation.on_failure = "report"  # without elasticity it stretches
     for stiffness in (AXIAL, SHEAR, BENDING, TORSION, SWAY):
-        simulation._batch.rows[:, simulation._batch.layout.elements + stiffness] = 0.0
-    simulation._batch.set_node_damping(simulation.node_masses[..., None] * rates)
+        simulation.rods.batch.rows[:, simulation.rods.batch.layout.elements + stiffness] = 0.0
+    simulation.rods.batch.set_node_damping(simulation.node_masses[..., None] * rates)
     simulation.set_motion(np.full((1, 2, 3), 0.1))
     start, steps, dt = simulation.tip_position[0], 700, simulation.time_step
     simulation.advance(steps * dt)
@@ -54,7 +54,7 @@ def test_a_free_mass_slows_exponentially_along_each_axis(drag_rate):
 def test_damping_in_proportion_to_the_masses_is_uniform_drag(plane):
     dragged = shaken(Simulation(SOFT.replace(drag_rate=5.0), num_elements=4, time_step=1e-4, plane=plane), 1)
     simulation = damped(SOFT, 0.0, plane=plane)
-    simulation._batch.set_node_damping(5.0 * np.repeat(simulation.node_masses[..., None], 3, axis=-1))
+    simulation.rods.batch.set_node_damping(5.0 * np.repeat(simulation.node_masses[..., None], 3, axis=-1))
     shaken(simulation, 1)
     for each in (dragged, simulation):
         each.advance(0.2, field=FIELD)
@@ -77,8 +77,8 @@ def test_energy_falls_at_the_rate_of_the_damping_forces():
 def test_zero_damping_is_no_damping_and_absent_damping_has_no_rows():
     plain = shaken(Simulation(SOFT, num_elements=4, time_step=1e-4))
     zero = shaken(damped(SOFT, 0.0))
-    assert plain._batch.layout.size == zero._batch.layout.size - 3 * 5
-    assert plain._batch.layout.size == plain._batch.layout.elements + 4 * ELEMENT_ROWS
+    assert plain.rods.batch.layout.size == zero.rods.batch.layout.size - 3 * 5
+    assert plain.rods.batch.layout.size == plain.rods.batch.layout.elements + 4 * ELEMENT_ROWS
     for each in (plain, zero):
         each.advance(0.1, field=FIELD)
     np.testing.assert_allclose(zero.positions, plain.positions, atol=1e-12)
@@ -88,8 +88,8 @@ def test_turning_it_on_keeps_the_state():
     simulation = shaken(Simulation(SOFT.replace(drag_rate=2.0, internal_damping=1e-4), num_elements=4))
     simulation.advance(0.02, field=FIELD)
     twin = Simulation(simulation.scene, num_elements=4)
-    twin.restore(simulation.snapshot())
-    twin._batch.use_node_damping()
+    twin.set_state(simulation.state())
+    twin.rods.batch.use_node_damping()
     for each in (simulation, twin):
         each.advance(0.05, field=FIELD)
     np.testing.assert_allclose(twin.positions, simulation.positions, atol=1e-12)

@@ -13,15 +13,15 @@ WEIGHTLESS = SOFT.replace(gravity=(0.0, 0.0, 0.0))
 def grows(simulation, time_step, num_steps=3000):
     """Whether a vibration of 1e-9 m/s grows by 1000 or more in a run at ``time_step``, whatever the bound says."""
     rng = np.random.default_rng(0)
-    snapshot = simulation.snapshot()
+    snapshot = simulation.state()
     shape = (1, simulation.num_elements + 1, 3)
     velocities, spins = 1e-9 * rng.normal(size=shape), 1e-7 * rng.normal(size=shape)
     if simulation.plane == "xz":
         velocities[..., 1] = spins[..., 0] = spins[..., 2] = 0.0
     simulation.set_motion(velocities, spins)
-    simulation._batch.run(num_steps, time_step)
+    simulation.rods.batch.run(num_steps, time_step)
     largest = np.abs(simulation.velocities).max()
-    simulation.restore(snapshot)
+    simulation.set_state(snapshot)
     return not largest < 1e-5
 
 
@@ -65,7 +65,7 @@ def test_internal_damping_does_not_shorten_the_step(damping):
 def test_the_bound_in_a_field_holds_and_is_close(field):
     """Along the rod a field stiffens it most; the bound adds its stiffness to the highest mode as a whole."""
     simulation = Simulation(WEIGHTLESS, num_elements=6)
-    simulation._batch.set_field(np.array([[field, 0.0, 0.0]]))
+    simulation.rods.batch.set_field(np.array([[field, 0.0, 0.0]]))
     bound = simulation.stable_time_step_in(field)
     assert bound < simulation.stable_time_step
     assert_limit_between(simulation, 0.999 * bound, 1.1 * bound)
@@ -77,7 +77,7 @@ def highest_frequency(simulation):
     Corrected shear stiffness 1/GA* = 1/GA + h^2/(12 EI), lumped masses; degrees of freedom (u), (phi), (w, theta).
     """
     rod, n, h = simulation.scene.rod, simulation.num_elements, simulation.scene.rod.length / simulation.num_elements
-    mass, inertia = simulation.node_masses[0, 1:], 0.5 / simulation._state.compliance[0, 1:]
+    mass, inertia = simulation.node_masses[0, 1:], 0.5 / simulation.rods.motion.compliance[0, 1:]
     pull, flex = np.array([1.0, -1.0]), np.array([0.0, 1.0, 0.0, -1.0])
     slide = np.array([-1.0 / h, -0.5, 1.0 / h, -0.5])
     sheared = 1.0 / (1.0 / rod.shear_stiffness + h**2 / (12.0 * rod.bending_stiffness))

@@ -27,7 +27,7 @@ def rotating(t, rate=np.pi):
 def free(simulation):
     """Cut the first element, so that the rest of the rod flies free; the watchdog would take it for stretched."""
     simulation.on_failure = "report"
-    rows, first = simulation._batch.rows, simulation._batch.layout.elements
+    rows, first = simulation.rods.batch.rows, simulation.rods.batch.layout.elements
     for stiffness in (AXIAL, SHEAR, BENDING, TORSION, SWAY):
         rows[:, first + stiffness] = 0.0
     return simulation

@@ -46,9 +46,9 @@ def test_tangent_is_the_second_derivative_of_the_energy(element):
     """Its symmetric part, at any shape: differences of exact loads by 1e-6 give nine digits."""
     simulation = Simulation(load_scene("paper4_pdms_tip_magnet"), num_elements=3, element=element)
     positions, quaternions = bent_poses(simulation)
-    case = simulation._static.equilibrium(np.zeros(3))  # any load case: only its field and shape are used
+    case = simulation.rods.model.static.equilibrium(np.zeros(3))  # any load case: only its field and shape are used
     case = type(case)(positions, quaternions, True, 2.0, FIELD, np.zeros(9))
-    stiffness, inertia = simulation._static.linearise(case)
+    stiffness, inertia = simulation.rods.model.static.linearise(case)
 
     step, expected = 1e-6, np.zeros((18, 18))
     for node in (1, 2, 3):

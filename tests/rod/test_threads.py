@@ -36,7 +36,7 @@ def test_a_number_of_threads_that_is_none_is_refused(owner, value):
 
 
 def test_a_number_of_threads_that_is_none_is_refused_before_pilots_run(monkeypatch):
-    monkeypatch.setattr("magrod_env.simulation.resolution_for", lambda *_, **__: pytest.fail("pilots ran"))
+    monkeypatch.setattr("magrod_env.simulation.simulation.resolution_for", lambda *_, **__: pytest.fail("pilots ran"))
     with pytest.raises(ValueError, match="num_threads"):
         Simulation(SCENE, tolerance=1e-3, num_threads=0)
 

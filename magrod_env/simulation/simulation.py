@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from magrod_env.integrator import SHARES, check_integrator, implicit_schemes, largest_step, working_step
+from magrod_env.integrator import check_integrator, implicit_schemes, largest_step, working_step
 from magrod_env.magnetics import FieldCourse, _checks
 from magrod_env.magnetics.maxwell import checked_gradient
 from magrod_env.resolution import (
@@ -24,20 +24,25 @@ from magrod_env.resolution import (
     elements_for,
     rounding_share,
 )
-from magrod_env.rod.batch import PLANE_AXES, RodBatch
+from magrod_env.rod.batch import PLANE_AXES
 from magrod_env.rod.energy import BENT, ENERGETIC, NOT_FINITE, STRETCHED
-from magrod_env.rod.equilibrium import Equilibrium, StaticModel
+from magrod_env.rod.equilibrium import Equilibrium, shapes_at
 from magrod_env.rod.implicit import UNSOLVED
 from magrod_env.rod.layout import BENDING
-from magrod_env.rod.mesh import arc_lengths
 from magrod_env.rod.stability import angular_frequencies
-from magrod_env.rod.state import BatchState
 from magrod_env.rod.threads import checked_num_threads
 from magrod_env.scene import Scene
 from magrod_env.search import choose_resolution
 from magrod_env.shapes import Shape, check_one_start, checked_shape
-from magrod_env.snapshots import Snapshot, check_snapshot
-from magrod_env.values import axis_across, check_plane, locking_factor, relative_load, rod_values, scene_terms, shaped
+from magrod_env.simulation.errors import CoarseWarning, SimulationDiverged, StabilityError
+from magrod_env.simulation.inverse import InverseStatics, inverse_statics
+from magrod_env.simulation.linear import LinearModel, linear_model
+from magrod_env.simulation.model import RodModel
+from magrod_env.simulation.parameters import checked_parameters, checked_rods
+from magrod_env.simulation.reactions import Reactions, reactions
+from magrod_env.simulation.rods import Rods
+from magrod_env.simulation.state import RodState, check_state
+from magrod_env.values import axis_across, check_plane, relative_load
 
 ELEMENTS = ("helical", "nodal")
 PRECISIONS = ("float64", "float32")
@@ -57,47 +62,6 @@ LARGEST_CONDITIONING = 1e12  # beyond which nothing is left of a stiffness besid
 
 Field = ArrayLike | Callable[[float], ArrayLike] | None
 Gradient = ArrayLike | Callable[[float], ArrayLike] | None
-
-
-class SimulationDiverged(RuntimeError):
-    """A rod left the range in which its numbers mean anything; the message says which, when and what to do."""
-
-
-class CoarseWarning(UserWarning):
-    """The elements may be too few, an implicit step too long or float32 too short for the loads; the message says what
-    to take.
-    """
-
-
-class StabilityError(RuntimeError):
-    """No stable equilibrium is reached as gravity, then the field are turned on: the rod buckles or snaps through."""
-
-    @classmethod
-    def at(cls, case: Equilibrium, scene: Scene) -> StabilityError:
-        """The error where stability is lost on the way to an equilibrium of `scene`."""
-        lost = "the rod loses stability (it buckles or snaps through)"
-        if case.strained:
-            return cls(
-                "an equilibrium must not stretch an element by more than half, shear it by more than 0.8 or bend it "
-                f"by a half turn, but under gravity and {case.field.tolist()} T it does: use more elements, a stiffer "
-                "rod or weaker loads."
-            )
-        if case.share < 1.0:
-            return cls(
-                f"gravity must not buckle a rod that is to start in equilibrium, but at {100 * case.share:.3g} % of "
-                f"{list(scene.gravity or ())} m/s^2, before any field acts, {lost}: make the rod shorter or stiffer, "
-                "let it hang another way, or start straight with reset() and let it fall."
-            )
-        names = ["field"] if case.field.any() or not case.gradient.any() else []
-        names += ["gradient"] if case.gradient.any() else []
-        loads = [f"{case.field.tolist()} T"] if names[0] == "field" else []
-        loads += [f"a gradient of up to {np.abs(case.gradient).max():.3g} T/m"] if case.gradient.any() else []
-        name = " and ".join(names)
-        return cls(
-            f"{name} must lead to a stable equilibrium from zero, but at {' and '.join(loads)} {lost} at "
-            f"{100 * (case.share - 1):.3g} % of the {name}: start from a weaker {names[0]} and let the dynamics carry "
-            "the rod over."
-        )
 
 
 _SYMPTOMS = {
@@ -199,27 +163,21 @@ class Simulation:
         _check_at_most("num_elements", num_elements, MOST_ELEMENTS)
         for name in ("axial_softening", "rotary_scaling"):
             _check_at_most(name, getattr(resolution, name), LARGEST_CONDITIONING)
-        self._values, segments = rod_values(scene, resolution.axial_softening, resolution.rotary_scaling)
-        locks = element == "nodal" and not frequency_shaping
-        self._locking = locking_factor(self._values, num_elements) if locks else 1.0
-        if frequency_shaping:
-            self._values = shaped(self._values, element, num_elements)
-        terms = scene_terms(scene, resolution.rotary_scaling)
-        self._spin_drag_rate = terms["spin_drag_rate"]
-        self._batch = RodBatch(
-            self._values,
-            segments,
+        self.rods = Rods(
+            RodModel(
+                scene,
+                num_elements,
+                element=element,
+                axial_softening=resolution.axial_softening,
+                rotary_scaling=resolution.rotary_scaling,
+                frequency_shaping=frequency_shaping,
+            ),
             num_rods=num_rods,
-            num_elements=num_elements,
-            nodal=element == "nodal",
             precision=precision,
             plane=plane if self.integrator == "explicit" else None,  # implicit ones step in space
-            **terms,
             num_threads=num_threads,
         )
         self._check_representable()
-        self._state = BatchState(self._batch)
-        self._static = StaticModel(self._values, self._batch.counts, segments, element == "nodal", scene.gravity)
         self._time = self._strongest = self._safe_field = 0.0
         self._safe_pull, self._own_step = 0.0, False
         self._driven = self._shaking = self._shaken_at = 0.0
@@ -233,7 +191,6 @@ class Simulation:
         self._field, self._gradient = np.zeros((num_rods, 3)), np.zeros((num_rods, 3, 3))
         self._made_with = {
             "scene": scene,
-            "num_rods": num_rods,
             "num_elements": num_elements,
             "element": element,
             "precision": precision,
@@ -249,7 +206,7 @@ class Simulation:
 
     def _check_representable(self) -> None:
         """Refuse a scene whose stiffness or inertia overflows, or is nothing, in the numbers of the kernels."""
-        rows, layout = self._batch.rows, self._batch.layout
+        rows, layout = self.rods.batch.rows, self.rods.batch.layout
         if not np.isfinite(rows).all() or not (rows[:, layout.elements + BENDING] > 0.0).all():
             raise ValueError(
                 "scene must have stiffness and inertia within the range of its numbers, but some overflow or vanish in "
@@ -269,8 +226,8 @@ class Simulation:
         Infinite with an implicit integrator, but for "implicit4" with drag.
         """
         if self.integrator != "explicit":
-            return largest_step(self.integrator, self.scene.drag_rate, self._spin_drag_rate)
-        return self._static.stable_time_step(field_magnitude, self.plane)
+            return largest_step(self.integrator, self.scene.drag_rate, self.rods.model.terms["spin_drag_rate"])
+        return self.rods.limit.stable_time_step(field_magnitude, self.plane)
 
     def stable_time_step_at(self, equilibrium: Equilibrium) -> float:
         """Largest stable time step, s, of small motions about an equilibrium of this simulation, tension and bend
@@ -282,7 +239,7 @@ class Simulation:
         self._check_start(equilibrium)
         if self.integrator != "explicit":
             return self.stable_time_step
-        return self._static.stable_time_step_at(equilibrium, self.plane)
+        return self.rods.model.static.stable_time_step_at(equilibrium, self.plane)
 
     def _checked_step(self, time_step: float | None) -> float:
         if time_step is None:
@@ -314,7 +271,7 @@ class Simulation:
             pull = float(np.linalg.norm(self.scene.gravity or (0.0, 0.0, 0.0))) / self.scene.rod.length
             return working_step(self.integrator, float(self.natural_frequencies()[0]), self.stable_time_step, pull)
         strength = self.expected_field if self.scene.magnets else 0.0
-        return SAFETY * self._static.working_time_step(strength, self.plane)
+        return SAFETY * self.rods.limit.working_time_step(strength, self.plane)
 
     @property
     def coarse(self) -> bool:
@@ -329,14 +286,14 @@ class Simulation:
         if max(self._strongest, self._driven) <= self._chosen_for:
             return False
         few = self._elements_needed > self.num_elements
-        return bool(self._locking > LARGEST_LOCKING) or few or self.time_step > self._longest_resolving_step
+        return bool(self.rods.model.locking > LARGEST_LOCKING) or few or self.time_step > self._longest_resolving_step
 
     @property
     def _rounding(self) -> float:
         damping = self.scene.damping_time
         if self.precision != "float32" or damping is None:
             return 0.0
-        slenderness = self.scene.rod.length * math.sqrt(self._values.axial / self._values.bending)
+        slenderness = self.scene.rod.length * math.sqrt(self.rods.model.values.axial / self.rods.model.values.bending)
         return rounding_share(slenderness, damping / self.time_step, self.num_elements)
 
     @property
@@ -374,8 +331,9 @@ class Simulation:
         if self._told_of_coarse or not self.coarse:
             return
         self._told_of_coarse = True
-        if self._locking > LARGEST_LOCKING:
-            problem = f"{self.num_elements} nodal elements lock: the rod bends as if EI were {self._locking:.3g} times"
+        if self.rods.model.locking > LARGEST_LOCKING:
+            stiffer = f"the rod bends as if EI were {self.rods.model.locking:.3g} times"
+            problem = f"{self.num_elements} nodal elements lock: {stiffer}"
             advice = 'use element="helical", or frequency_shaping'
         elif self._rounding > LARGEST_ROUNDING:
             problem = "float32 rounds away slow motion of a rod as thin and damped as this one"
@@ -402,7 +360,7 @@ class Simulation:
             places = (self.positions if positions is None else positions)[:, list(self.magnet_nodes)]
             places = np.nan_to_num(places)  # of rods that have failed
             fields = fields[..., None, :] + np.einsum("...rij,rmj->...rmi", gradients, places)
-        largest = float(np.linalg.norm(fields, axis=-1).max())
+        largest = float(np.linalg.norm(fields, axis=-1).max()) * self.rods.largest_gain
         if self.scene.magnets and largest > self._safe_field:
             self._safe_field = self._safe_reach(largest)
         self._strongest = max(self._strongest, largest)
@@ -411,7 +369,7 @@ class Simulation:
         """Shorten a step left to us where a gradient of up to `largest` T/m pulls the rod taut; refuse a given one."""
         if self.integrator != "explicit" or largest <= self._safe_pull:
             return
-        bound = self._static.stable_time_step(self._strongest, self.plane, 1.5 * largest)
+        bound = self.rods.limit.stable_time_step(self._strongest, self.plane, 1.5 * largest)
         if self._own_step and self.time_step > SAFE_PULLED * bound:
             self._time_step = SAFE_PULLED * bound
         if self.time_step > bound:
@@ -483,34 +441,32 @@ class Simulation:
             self._strongest = before
             raise
         self._time = self._driven = self._shaking = self._shaken_at = 0.0
-        self._batch.status[:] = 0
+        self.rods.batch.status[:] = 0
         self._put_field(fields)
         self._put_gradient(slopes)
-        self._batch.use_gradient(gradient is not None)
-        self._state.write(*start)
-        self._batch.mark()
+        self.rods.batch.use_gradient(gradient is not None)
+        self.rods.motion.write(*start)
+        self.rods.batch.mark()
 
     def _straight(self) -> tuple[np.ndarray, np.ndarray]:
-        positions, quaternions = self._static.straight()
-        return (
-            np.broadcast_to(positions, (self.num_rods, *positions.shape)),
-            np.broadcast_to(quaternions, (self.num_rods, *quaternions.shape)),
-        )
+        shape = (self.num_rods, self.num_elements + 1)
+        positions, quaternions = np.zeros((*shape, 3)), np.zeros((*shape, 4))
+        positions[..., 0], quaternions[..., 0] = self.rods.arc_lengths, 1.0
+        return positions, quaternions
 
     def _equilibria(self, fields: np.ndarray, gradients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        loads = np.concatenate([fields, gradients.reshape(-1, 9)], axis=1)
-        different, index = np.unique(loads, axis=0, return_inverse=True)
-        shapes = []
-        for load in different:
-            case = self._static.equilibrium(load[:3], load[3:] if load[3:].any() else None)
-            if not case.reached:
-                raise StabilityError.at(case, self.scene)
-            shapes.append(case)
-        index = index.ravel()
-        return (
-            np.stack([shape.positions for shape in shapes])[index],
-            np.stack([shape.quaternions for shape in shapes])[index],
-        )
+        acting, slopes = self.rods.acting(fields), self.rods.acting_gradient(gradients).reshape(-1, 9)
+        loads, rods = np.concatenate([acting, slopes], axis=1), np.arange(self.num_rods)
+        index = rods
+        if not self.rods.varied:  # equal loads then have equal equilibria
+            _, rods, index = np.unique(loads, axis=0, return_index=True, return_inverse=True)
+            index = index.ravel()
+        shapes = self.rods.equilibria(loads[rods], rods)
+        lost = np.flatnonzero(~shapes.reached)
+        if len(lost):
+            case = shapes_at(shapes, lost[0], np.concatenate([fields, gradients.reshape(-1, 9)], axis=1)[rods[lost[0]]])
+            raise StabilityError.at(case, self.scene)
+        return shapes.positions[index], shapes.quaternions[index]
 
     def equilibrium(
         self,
@@ -518,8 +474,10 @@ class Simulation:
         gradient: ArrayLike | None = None,
         *,
         start: Equilibrium | Shape | None = None,
+        rod: int = 0,
     ) -> Equilibrium:
-        """Static equilibrium in one field, without touching the simulation's state; in space, whatever the `plane`.
+        """Static equilibrium of one rod in one field, without touching the simulation's state; in space, whatever the
+        `plane`.
 
         Args:
             field: (3,) T, world, at the origin.
@@ -528,6 +486,7 @@ class Simulation:
                 `Equilibrium` of this simulation is followed from its field and gradient to these along a straight
                 line, gravity staying on: round a loop, say. A shape, as in `reset`, relaxes without inertia in the
                 final loads: to another branch.
+            rod: which one, where `set_parameters` has made them differ.
 
         Returns:
             positions (num_nodes, 3) m, quaternions (num_nodes, 4), whether it was `reached`, and where it was not the
@@ -541,23 +500,48 @@ class Simulation:
         one = np.array(_checks.vector("field", field, advice="give a world vector in tesla"))
         _check_largest_field(one)
         slopes = None if gradient is None else checked_gradient(gradient, 1).reshape(3, 3)
+        static, column = self.rods.model.static, self.rods.column(self._checked_rod(rod))
+        felt, pull = self._felt(one, slopes, rod)
         if start is None:
-            return self._static.equilibrium(one, slopes)
-        if isinstance(start, Equilibrium):
-            self._check_start(start)
-            return self._static.continued(start, one, slopes)
-        positions, quaternions = checked_shape(
-            start, 1, self.num_elements + 1, self.scene.rod.length, self._across, name="start"
-        )
-        return self._static.relaxed(positions[0], quaternions[0], one, slopes)
+            found = static.equilibrium(felt, pull, column)
+        elif isinstance(start, Equilibrium):
+            self._check_start(start, rod)
+            found = static.continued(self._as_felt(start, rod), felt, pull, column)
+        else:
+            length = float(self.rods.arc_lengths_of(rod)[-1])
+            positions, quaternions = checked_shape(start, 1, self.num_elements + 1, length, self._across, name="start")
+            found = static.relaxed(positions[0], quaternions[0], felt, pull, column)
+        return dataclasses.replace(found, field=one, gradient=found.gradient if slopes is None else slopes)
 
-    def _check_start(self, start: Equilibrium) -> None:
+    def _checked_rod(self, rod: Any) -> int:
+        if isinstance(rod, bool) or not isinstance(rod, (int, np.integer)) or not 0 <= rod < self.num_rods:
+            raise ValueError(
+                f"rod must be between 0 and {self.num_rods - 1}, but got {rod!r}: give the index of a rod."
+            )
+        return int(rod)
+
+    def _felt(self, field: np.ndarray, gradient: np.ndarray | None, rod: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """The field and gradient that act on a rod where these are commanded."""
+        if self.rods.mixing is None:
+            return field, gradient
+        every = np.broadcast_to(field, (self.num_rods, 3))
+        slopes = None
+        if gradient is not None:
+            slopes = self.rods.acting_gradient(np.broadcast_to(gradient, (self.num_rods, 3, 3)))[rod]
+        return self.rods.acting(every)[rod], slopes
+
+    def _as_felt(self, case: Equilibrium, rod: int) -> Equilibrium:
+        field, gradient = self._felt(case.field, case.gradient, rod)
+        return dataclasses.replace(case, field=field, gradient=gradient)
+
+    def _check_start(self, start: Equilibrium, rod: int = 0) -> None:
         if not start.reached:
             raise ValueError(
                 "start must be an equilibrium that was reached, but stability was lost on the way to it: take one "
                 "before that, or a shape beyond."
             )
-        if len(start.positions) != self.num_elements + 1 or not self._static.holds(start):
+        static, column = self.rods.model.static, self.rods.column(rod)
+        if len(start.positions) != self.num_elements + 1 or not static.holds(self._as_felt(start, rod), column):
             raise ValueError(
                 "start must be an equilibrium of this simulation, but its shape does not stay where it is under its "
                 "own loads: take it from a simulation of the same scene and elements, or give (positions, rotations)."
@@ -624,15 +608,11 @@ class Simulation:
             self._step(1, step, None if fields is None else fields[k : k + 1])
 
     def _step(self, count: int, step: float, fields: np.ndarray | None) -> None:
-        table = None
         if fields is not None:
             self._feel_changes(fields, self._time + step * np.arange(count))
             self._field = fields[-1]
-            table = self._batch.field_table(fields)
-        if self.integrator == "explicit":
-            self._batch.run(count, step, fields=table)
-        else:
-            self._batch.run_implicit(count, step, SHARES[self.integrator], table)
+            fields = self.rods.acting(fields)
+        self.rods.run(count, step, self.integrator, fields)
 
     def _fields_at(self, field: Callable[[float], ArrayLike], times: np.ndarray) -> np.ndarray:
         """Field of every rod at times (K,) s, T, (K, num_rods, 3)."""
@@ -650,13 +630,13 @@ class Simulation:
         return np.array([self._checked_gradient(gradient(float(time))) for time in times])
 
     def _watch(self) -> None:
-        self._batch.watch()
-        failed = np.flatnonzero(self._batch.status)
+        self.rods.batch.watch()
+        failed = np.flatnonzero(self.rods.batch.status)
         if len(failed) and self.on_failure == "raise":
             rod = int(failed[0])
             raise SimulationDiverged(
                 f"rod {rod} left the stable range by t = {self._time:.4g} s: "
-                f"{_SYMPTOMS[int(self._batch.status[rod])]}; "
+                f"{_SYMPTOMS[int(self.rods.batch.status[rod])]}; "
                 f"time step {self.time_step:.3g} s, bound of the straight rod {self.stable_time_step:.3g} s: "
                 "lower time_step, or use more elements where the rod bends sharply."
             )
@@ -712,12 +692,12 @@ class Simulation:
 
     def _put_field(self, field: np.ndarray) -> None:
         self._field = field
-        self._batch.set_field(field)
+        self.rods.batch.set_field(self.rods.acting(field))
 
     def _put_gradient(self, gradient: np.ndarray) -> None:
         self._gradient = gradient
-        self._batch.use_gradient()
-        self._batch.set_gradient(gradient, 2.0 * self.scene.rod.length)
+        self.rods.batch.use_gradient()
+        self.rods.batch.set_gradient(self.rods.acting_gradient(gradient), 2.0 * self.scene.rod.length)
 
     # ---- state
 
@@ -736,22 +716,22 @@ class Simulation:
         """0 for a rod that is well; 1 not finite, 2 an element bent by pi, 3 stretched, 4 too energetic, 5 an implicit
         step not solved; (num_rods,).
         """
-        return self._batch.status.copy()
+        return self.rods.batch.status.copy()
 
     @property
     def arc_lengths(self) -> np.ndarray:
         """Arc length of every node, m, (num_nodes,)."""
-        return arc_lengths(self._values.ends, self._batch.counts)
+        return self.rods.arc_lengths
 
     @property
     def magnet_nodes(self) -> tuple[int, ...]:
         """Node of each magnet of the scene."""
-        return self._batch.layout.magnet_nodes if self.scene.magnets else ()
+        return self.rods.batch.layout.magnet_nodes if self.scene.magnets else ()
 
     @property
     def positions(self) -> np.ndarray:
         """Positions of the nodes, m, world, (num_rods, num_nodes, 3)."""
-        return self._state.positions
+        return self.rods.motion.positions
 
     @property
     def tip_position(self) -> np.ndarray:
@@ -761,17 +741,17 @@ class Simulation:
     @property
     def velocities(self) -> np.ndarray:
         """Velocities of the nodes, m/s, world, (num_rods, num_nodes, 3)."""
-        return self._state.velocities
+        return self.rods.motion.velocities
 
     @property
     def rotations(self) -> np.ndarray:
         """Rotation matrices of the sections, body to world, (num_rods, num_nodes, 3, 3)."""
-        return self._state.rotations
+        return self.rods.motion.rotations
 
     @property
     def angular_velocities(self) -> np.ndarray:
         """Angular velocities of the sections, rad/s, body frame, (num_rods, num_nodes, 3)."""
-        return self._state.angular_velocities
+        return self.rods.motion.angular_velocities
 
     def set_motion(self, velocities: ArrayLike, angular_velocities: ArrayLike | None = None) -> None:
         """Give the nodes velocities (m/s, world) and angular velocities (rad/s, body), both (num_rods, num_nodes, 3).
@@ -799,48 +779,215 @@ class Simulation:
                     f"velocities must keep the rod in the plane {self.plane!r} of this planar simulation, but some "
                     "leave it: leave those components out, or use plane=None."
                 )
-        state = self._state
+        state = self.rods.motion
         state.write(state.positions, state.quaternions, arrays[0], state.momenta_of(arrays[1]))
-        self._batch.mark()
+        self.rods.batch.mark()
 
-    def snapshot(self) -> Snapshot:
-        """Everything that changes in time, to go back to with `restore`: for planning, estimation and branching.
-
-        A dictionary of arrays and numbers that can be pickled; what is in it is not meant to be changed.
+    def state(self) -> RodState:
+        """Everything that changes in time, of all rods, to go back to with `set_state`: for planning, estimation and
+        branching. `set_parameters` is not part of it.
         """
-        return {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in self._now().items()}
+        return dataclasses.replace(
+            self.rods.state(),
+            time=self._time,
+            field=self._field.copy(),
+            gradient=self._gradient.copy(),
+            made_with=self._made_with,
+        )
 
-    def restore(self, snapshot: Snapshot) -> None:
-        """Go back to a `snapshot` of this simulation, or of one with the same scene and arguments.
+    def set_state(self, state: RodState, rods: ArrayLike | None = None) -> None:
+        """Put rods into states of a simulation of the same scene and arguments; a run goes on from them bit for bit.
 
-        `time_step`, `tolerance`, `expected_field`, `on_failure` and `num_threads` may differ; the step stays.
+        `num_rods`, `time_step`, `tolerance`, `expected_field`, `on_failure` and `num_threads` may differ; the step
+        stays.
+
+        Args:
+            state: what `state` gave: of one rod, for all, or of as many rods as there are in `rods`.
+            rods: indices (M,); None for all, and then the time is that of the state too.
 
         Raises:
-            ValueError: if it comes from another scene, other arguments or a simulation with terms that this one lacks,
-                or is no snapshot; if its field is too strong for the time step. The simulation is then as it was.
+            ValueError: if it is no state, or one of another scene, other arguments or another number of rods; if its
+                field is too strong for the time step. The simulation is then as it was.
         """
-        check_snapshot(snapshot, self._now())
-        self._check_strength(snapshot["field"], snapshot["gradient"])
-        self._batch.blocks[:] = snapshot["blocks"]
-        self._batch.status[:] = snapshot["status"]
-        self._batch.travel[:] = snapshot["travel"]
-        self._batch.use_gradient(snapshot["pulled"])
-        self._time = float(snapshot["time"])
-        self._field, self._gradient = snapshot["field"].copy(), snapshot["gradient"].copy()
+        chosen = None if rods is None else checked_rods(rods, self.num_rods)
+        check_state(state, self.rods.batch, self._made_with, self.num_rods if chosen is None else len(chosen))
+        self._check_strength(state.field, state.gradient, state.positions if state.gradient.any() else None)
+        self.rods.set_state(state, chosen)
+        if chosen is None:
+            self._time = state.time
+            self._field = np.array(np.broadcast_to(state.field, (self.num_rods, 3)))
+            self._gradient = np.array(np.broadcast_to(state.gradient, (self.num_rods, 3, 3)))
+        else:
+            self._field, self._gradient = self._field.copy(), self._gradient.copy()
+            self._field[chosen], self._gradient[chosen] = state.field, state.gradient
+        self.rods.batch.use_gradient(bool(self._gradient.any()))
 
-    def _now(self) -> Snapshot:
-        """What a snapshot holds, not copied."""
-        batch = self._batch
-        return {
-            "made_with": {**self._made_with, "node damping": batch.terms.node_damping is not None},
-            "blocks": batch.blocks,
-            "status": batch.status,
-            "travel": batch.travel,
-            "pulled": batch.terms.gradient is not None,
-            "time": self._time,
-            "field": self._field,
-            "gradient": self._gradient,
+    # ---- what differs from rod to rod
+
+    def set_parameters(
+        self,
+        *,
+        modulus: ArrayLike | None = None,
+        density: ArrayLike | None = None,
+        moment: ArrayLike | None = None,
+        magnet_shift: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        drag: ArrayLike | None = None,
+        spin_drag: ArrayLike | None = None,
+        internal_damping: ArrayLike | None = None,
+        field_rotation: ArrayLike | None = None,
+        field_gain: ArrayLike | None = None,
+        rods: ArrayLike | None = None,
+    ) -> None:
+        """Let rods differ from the scene's, from now on; positions, velocities and angular velocities stay.
+
+        Statics, energies, frequencies and bounds on the step know them (`stable_time_step` is then that of a rod as
+        stiff as the stiffest, as light as the lightest, and so on). A step that was left to the simulation is chosen
+        anew. None leaves a parameter as it is.
+
+        Args:
+            modulus: factors of Young's modulus, so of every stiffness; (num_rods,) or one for all, as all factors.
+            density: factors of the rod's density; magnets keep their masses.
+            moment: factors of the magnets' moments.
+            magnet_shift: m, along the rod, of every magnet but one at the tip; elements get longer and shorter, so that
+                `reset` should follow.
+            gravity: m/s^2, world, (num_rods, 3) or (3,).
+            drag, spin_drag, internal_damping: factors of the scene's `drag_rate`, `spin_drag_rate` and damping time.
+            field_rotation: rotation vectors, rad, world, (num_rods, 3) or (3,), by which the coils are turned: the
+                commanded field and gradient turn with them.
+            field_gain: factors of the commanded field and gradient.
+            rods: indices of the rods meant, (M,), which then take the place of num_rods; None for all.
+
+        Raises:
+            ValueError: on a wrong shape, a number that is not finite or out of range, a parameter that the scene has
+                nothing for, or a given `time_step` that would be too long. Nothing is then changed.
+        """
+        chosen = np.arange(self.num_rods) if rods is None else checked_rods(rods, self.num_rods)
+        given = {
+            "modulus": modulus,
+            "density": density,
+            "moment": moment,
+            "magnet_shift": magnet_shift,
+            "gravity": gravity,
+            "drag": drag,
+            "spin_drag": spin_drag,
+            "internal_damping": internal_damping,
+            "field_rotation": field_rotation,
+            "field_gain": field_gain,
         }
+        values, turns, gains = checked_parameters(given, self.rods.model, len(chosen), self.plane)
+        before = self.rods.kept_parameters()
+        self.rods.set_parameters(values, chosen)
+        if turns is not None or gains is not None:
+            self.rods.turn_field(turns, gains, chosen)
+        self._forget_bounds()
+        try:
+            self.time_step = None if self._own_step else self._time_step
+            self._check_strength(self._field, self._gradient)
+        except ValueError:
+            self.rods.restore_parameters(before, chosen)
+            self._forget_bounds()
+            raise
+        self.rods.batch.set_field(self.rods.acting(self._field))
+        if self._gradient.any():
+            self._put_gradient(self._gradient)
+        self.rods.batch.mark(chosen)
+
+    def _forget_bounds(self) -> None:
+        """Work out anew what follows from the parameters."""
+        for name in ("stable_time_step", "_default_step", "_shortest_step"):
+            self.__dict__.pop(name, None)
+        self._safe_field = self._safe_pull = 0.0
+
+    # ---- linear models, inverse statics, forces
+
+    def linearise(self, field: ArrayLike, duration: float, *, state: RodState | None = None) -> LinearModel:
+        """Discrete linear model of every rod over `duration` (s) about its equilibrium in a field, or about a state.
+
+        Derivatives are central differences of the simulation's own steps, all at once in lanes; see `LinearModel`.
+
+        Args:
+            field: T, world, (3,) or (num_rods, 3): constant over the duration.
+            duration: s, of one step of the model, a control step say.
+            state: where to linearise, as `state` gives it, of all rods; None for the equilibria in the field.
+
+        Raises:
+            ValueError: on a bad field, duration or state.
+            StabilityError: if a rod buckles or snaps through on the way to its equilibrium.
+        """
+        fields = self._checked_field(field)
+        duration = _checks.number("duration", duration, above=0.0, advice="give it in seconds")
+        if state is not None:
+            check_state(state, self.rods.batch, self._made_with, self.num_rods, exactly=True)
+        self._check_strength(fields, np.zeros((self.num_rods, 3, 3)))
+        steps = max(1, math.ceil(duration / self.time_step - 1e-9))
+        shapes = None
+        if state is None:
+            shapes = self._equilibria(fields, np.zeros((self.num_rods, 3, 3)))
+        return linear_model(self.rods, fields, steps, duration / steps, self.integrator, shapes, state, self._tracked)
+
+    @property
+    def _tracked(self) -> tuple[int, ...]:
+        """The tip's node, then those of the other magnets from the tip inwards."""
+        return (self.num_elements, *sorted(set(self.magnet_nodes) - {self.num_elements}, reverse=True))
+
+    def inverse_statics(
+        self,
+        targets: ArrayLike,
+        *,
+        magnet: int | None = None,
+        start: ArrayLike | None = None,
+        limit: float | None = None,
+        tolerance: float = 1e-6,
+    ) -> InverseStatics:
+        """Fields that hold the tip, or a magnet, at targets in equilibrium; what cannot be reached is reported.
+
+        Gauss-Newton steps of least norm on the static Jacobian, for all targets at once in lanes. Where a target lies
+        off the surface that the tip moves on, or beyond `limit`, the field is one that comes near it.
+
+        Args:
+            targets: m, world, (M, 3), for the rod of index 0; or, with several rods, one for each, (num_rods, 3).
+            magnet: number of the magnet of the scene that is meant; None for the tip.
+            start: T, (3,) or (M, 3), fields to start from; None for zero.
+            limit: T, largest magnitude of the fields; None for `expected_field`.
+            tolerance: m, distance at which a target counts as reached.
+
+        Raises:
+            ValueError: on a wrong shape or number, or a scene without magnets.
+            StabilityError: if a rod buckles under gravity.
+        """
+        if not self.scene.magnets:
+            raise ValueError("scene must have a magnet for inverse statics, but has none: add one.")
+        goals = np.atleast_2d(np.asarray(targets, float))
+        if goals.ndim != 2 or goals.shape[1] != 3 or not np.isfinite(goals).all():
+            raise ValueError(
+                f"targets must be finite of shape (M, 3), but got shape {goals.shape}: give world points in m."
+            )
+        if self.num_rods > 1 and len(goals) != self.num_rods:
+            raise ValueError(
+                f"targets must be one for each of the {self.num_rods} rods, but got {len(goals)}: "
+                "use Simulation(..., num_rods=1) for many targets of one rod."
+            )
+        node = self.num_elements
+        if magnet is not None:
+            if isinstance(magnet, bool) or magnet not in range(len(self.scene.magnets)):
+                raise ValueError(
+                    f"magnet must be the number of one of {len(self.scene.magnets)} magnets, but got {magnet!r}: "
+                    "count from 0 in the order of the scene."
+                )
+            node = self.magnet_nodes[magnet]
+        advice = "give it in tesla, 45 mT is 45e-3"
+        most = self.expected_field if limit is None else _checks.number("limit", limit, above=0.0, advice=advice)
+        tolerance = _checks.number("tolerance", tolerance, above=0.0, advice="give metres, a micrometre is 1e-6")
+        begin = np.zeros((len(goals), 3))
+        if start is not None:
+            begin = np.array(np.broadcast_to(np.asarray(start, float), (len(goals), 3)))
+        rods = np.arange(self.num_rods) if self.num_rods > 1 else np.zeros(len(goals), np.int64)
+        return inverse_statics(self.rods, goals, rods, node, begin, most, tolerance)
+
+    def reactions(self) -> Reactions:
+        """Force and moment of the clamp, forces, moments and curvature along every rod, at present; see `Reactions`."""
+        return reactions(self.rods, self.scene.damping_time is not None)
 
     # ---- what the rods carry
 
@@ -848,7 +995,7 @@ class Simulation:
         """Kinetic, elastic, gravitational and magnetic energy, J, (num_rods,) each; the clamp's node is the zero of
         gravity.
         """
-        return self._batch.energies()
+        return self.rods.batch.energies()
 
     def energy(self) -> np.ndarray:
         """Total energy, J, (num_rods,)."""
@@ -859,7 +1006,7 @@ class Simulation:
         """Lumped mass of each node, magnets included, kg, (num_rods, num_nodes); the clamp's is not part of the
         motion: 0.
         """
-        return self._state.masses
+        return self.rods.motion.masses
 
     def linear_momentum(self) -> np.ndarray:
         """Linear momentum, kg m/s, world, (num_rods, 3)."""
@@ -868,14 +1015,17 @@ class Simulation:
     def angular_momentum(self) -> np.ndarray:
         """Angular momentum about the clamp, kg m^2/s, world, (num_rods, 3)."""
         orbital = np.cross(self.positions, self.node_masses[..., None] * self.velocities)
-        return (orbital + np.einsum("rnij,rnj->rni", self.rotations, self._state.momenta))[:, 1:].sum(axis=1)
+        return (orbital + np.einsum("rnij,rnj->rni", self.rotations, self.rods.motion.momenta))[:, 1:].sum(axis=1)
 
-    def natural_frequencies(self, field: ArrayLike | None = None, gradient: ArrayLike | None = None) -> np.ndarray:
+    def natural_frequencies(
+        self, field: ArrayLike | None = None, gradient: ArrayLike | None = None, *, rod: int = 0
+    ) -> np.ndarray:
         """Natural frequencies (Hz, increasing) of small vibrations about the equilibrium in a field and a gradient.
 
         Args:
             field: (3,) T; None for zero beside a gradient, else for the straight rod without any load.
             gradient: (3, 3) T/m, dB_i/dx_j, or None.
+            rod: which one, where `set_parameters` has made them differ.
 
         Returns:
             6 a node, the clamp left out, 3 in a plane; NaN in every entry where no stable equilibrium is reached (see
@@ -883,10 +1033,13 @@ class Simulation:
         """
         case = None
         if field is not None or gradient is not None:
-            case = self.equilibrium((0.0, 0.0, 0.0) if field is None else field, gradient)
+            case = self.equilibrium((0.0, 0.0, 0.0) if field is None else field, gradient, rod=rod)
         if case is not None and not case.reached:
             return np.full((6 if self.plane is None else 3) * self.num_elements, np.nan)
-        stiffness, inertia = self._static.linearise(case)
+        column = self.rods.column(self._checked_rod(rod))
+        stiffness, inertia = self.rods.model.static.linearise(
+            None if case is None else self._as_felt(case, rod), column
+        )
         return angular_frequencies(stiffness, inertia, self.plane) / (2.0 * math.pi)
 
 

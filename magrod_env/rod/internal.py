@@ -1,0 +1,111 @@
+"""Forces, moments and strains inside rods, and what static equilibria do as the field changes."""
+
+from magrod_env._jit import inline_jit, jit
+from magrod_env._simd import load, store
+from magrod_env.rod.helical import helical_loads, helical_strain, helical_strain_rates
+from magrod_env.rod.layout import DAMPING, ELEMENT_ROWS, INVERSE_LENGTH, LENGTH, SPATIAL
+from magrod_env.rod.loads import (
+    element_loads,
+    load2,
+    load3,
+    load_motion,
+    load_pose,
+    node_row,
+    section_stiffness,
+    store3,
+)
+from magrod_env.rod.so3 import add, cross, matrix, rotate_back
+from magrod_env.rod.statics import make_room
+from magrod_env.rod.tangent import assemble, factorise, solve_factored
+
+PARTS = 15  # rows of an element: force on a (world), torques on a and b (body), gamma, phi
+
+
+@inline_jit
+def spin_of(block, row, lanes):
+    """Angular velocity (body) of the node at ``row``."""
+    momentum = load_motion(block, row, lanes, None)[1]
+    axial, transverse = load2(block, row + SPATIAL.compliance, lanes)
+    return 2.0 * axial * momentum[0], 2.0 * transverse * momentum[1], 2.0 * transverse * momentum[2]
+
+
+@inline_jit
+def viscous_loads(block, layout, element, pose_a, pose_b, lanes):
+    """Loads of an element's internal damping: Kelvin-Voigt time times stiffness times rates of strain."""
+    row, row_a = layout.elements + ELEMENT_ROWS * element, node_row(layout, None, element)
+    row_b = node_row(layout, None, element + 1)
+    length, inverse_length = load(block, row + LENGTH, lanes), load(block, row + INVERSE_LENGTH, lanes)
+    axial, shear, bending, torsion, tilting, sway = section_stiffness(block, row, lanes, None)
+    gamma, phi, geometry = helical_strain(pose_a, pose_b, inverse_length)
+    gamma_rate, phi_rate = helical_strain_rates(
+        gamma,
+        phi,
+        geometry,
+        load3(block, row_a + SPATIAL.velocity, lanes),
+        spin_of(block, row_a, lanes),
+        load3(block, row_b + SPATIAL.velocity, lanes),
+        spin_of(block, row_b, lanes),
+        inverse_length,
+    )
+    time, sheared = load(block, DAMPING, lanes), shear * tilting / (shear + tilting)
+    stress = time * axial * gamma_rate[0], time * sheared * gamma_rate[1], time * sheared * gamma_rate[2]
+    moment = time * torsion * phi_rate[0], time * bending * phi_rate[1], time * bending * phi_rate[2]
+    return helical_loads(gamma, phi, geometry, stress, moment, length)
+
+
+@jit
+def inner_loads(blocks, layout, terms, nodal, damped, out):
+    """Loads and strains of every element of every rod: ``out`` (num_blocks, PARTS * N * L)."""
+    lanes = terms.lanes
+    for b in range(len(blocks)):
+        block = blocks[b]
+        pose_a = load_pose(block, layout.nodes, lanes, None)
+        for element in range(layout.num_elements):
+            pose_b = load_pose(block, node_row(layout, None, element + 1), lanes, None)
+            inverse_length = load(block, layout.elements + ELEMENT_ROWS * element + INVERSE_LENGTH, lanes)
+            force, torque_a, torque_b = element_loads(block, layout, element, pose_a, pose_b, lanes, None, nodal)
+            if damped is not None:
+                push, turn_a, turn_b = viscous_loads(block, layout, element, pose_a, pose_b, lanes)
+                force, torque_a, torque_b = add(force, push), add(torque_a, turn_a), add(torque_b, turn_b)
+            gamma, phi, geometry = helical_strain(pose_a, pose_b, inverse_length)
+            row = PARTS * element
+            store3(out[b], row, force, lanes)
+            store3(out[b], row + 3, torque_a, lanes)
+            store3(out[b], row + 6, torque_b, lanes)
+            store3(out[b], row + 9, gamma, lanes)
+            store3(out[b], row + 12, phi, lanes)
+            pose_a = pose_b
+
+
+@jit
+def field_sensitivity(blocks, first, last, layout, terms, shares, nodes, out):
+    """Derivatives of nodes' positions by the field at equilibria, m/T: ``out`` (num_blocks, 9 * len(nodes) * L), row
+    9 k + 3 i + j that of coordinate i of node k by component j of the field.
+
+    The poses and loads in ``blocks`` are those of equilibria; ``shares`` (2 * L,) ones.
+    """
+    room, lanes, size = make_room(layout, terms.lanes), terms.lanes, 6 * layout.num_elements
+    system, loads, least, _ = room
+    for b in range(first, last):
+        block = blocks[b]
+        assemble(block, layout, terms, terms.nodal, terms.gradient, shares, system, loads, 2)
+        factorise(system, size, least, lanes)
+        for axis in range(3):
+            for i in range(size * len(lanes)):
+                system[i] = 0.0
+            for magnet in range(len(layout.magnet_nodes)):
+                node = layout.magnet_nodes[magnet]
+                frame = matrix(load_pose(block, node_row(layout, None, node), lanes, None)[1], 2.0)
+                moment = load3(block, layout.magnets + 3 * magnet, lanes)
+                unit = (
+                    (1.0 if axis == 0 else 0.0),
+                    (1.0 if axis == 1 else 0.0),
+                    (1.0 if axis == 2 else 0.0),
+                )
+                row = 6 * (node - 1) + 3
+                torque = add(load3(system, row, lanes), cross(moment, rotate_back(frame, unit)))
+                store3(system, row, torque, lanes)
+            solve_factored(system, size, lanes)
+            for k in range(len(nodes)):
+                for i in range(3):
+                    store(out[b], 9 * k + 3 * i + axis, load(system, 6 * (nodes[k] - 1) + i, lanes), lanes)
