@@ -23,6 +23,41 @@ from magrod_env.rod.mesh import RodValues, write_rod
 from magrod_env.rod.statics import find_equilibrium
 
 
+class Spread(NamedTuple):
+    """The fields of a `Randomization`, as numbers."""
+
+    modulus: float
+    density: float
+    drag: float
+    remanence: float
+    magnet_position: float  # m
+    field_gain: float
+    field_misalignment: float  # rad
+    gravity_direction: float  # rad
+    initial_field: float  # T
+
+
+class Draws(NamedTuple):
+    """How the rods of the present episodes differ from the nominal one; first axis num_envs."""
+
+    modulus: np.ndarray  # () factor
+    density: np.ndarray  # () factor
+    drag: np.ndarray  # () factor
+    remanence: np.ndarray  # () factor
+    magnet_shift: np.ndarray  # () m, along the rod
+    gain: np.ndarray  # () factor of the coils' field
+    misalignment: np.ndarray  # (3,) rotation vector of the coils' frame, rad
+    tilt: np.ndarray  # () angle of gravity from its nominal direction, rad
+    heading: np.ndarray  # () direction of that tilt, rad
+    initial_field: np.ndarray  # (3,) T, added to the field of the start
+
+
+def new_draws(num_envs: int) -> Draws:
+    """Room for the draws of ``num_envs`` environments."""
+    vectors = ("misalignment", "initial_field")
+    return Draws(*(np.zeros((num_envs, 3) if name in vectors else num_envs) for name in Draws._fields))
+
+
 class Making(NamedTuple):
     """What making rods that differ from the nominal one needs."""
 
@@ -41,9 +76,7 @@ class Making(NamedTuple):
 def begin_episodes(episodes, targets, which, starts, draws, spread):
     """Draw where the episodes of ``which`` begin or reach to, and how their rods differ.
 
-    ``starts`` (num_envs,) gets the start table's entry; ``draws`` (num_envs, 14) factors and offsets from ``spread``
-    (9,): modulus, density, drag, remanence (factors), magnet shift (m), gain (factor), misalignment (3, rotation
-    vector), gravity tilt (2: angle and heading), initial field (3, T).
+    ``starts`` (num_envs,) gets the start table's entry; ``spread`` is None where all rods are nominal.
     """
     table = targets.table
     for i in which:
@@ -60,21 +93,29 @@ def begin_episodes(episodes, targets, which, starts, draws, spread):
             episodes.place[i, 1] = uniform(episodes.streams, i, 0.0, table.shape[1] - 1.000001)
         if spread is None:
             continue
-        for k in range(4):
-            draws[i, k] = 1.0 + uniform(episodes.streams, i, -spread[k], spread[k])
-        draws[i, 4] = uniform(episodes.streams, i, -spread[4], spread[4])
-        draws[i, 5] = 1.0 + uniform(episodes.streams, i, -spread[5], spread[5])
-        norm = 0.0
-        for k in range(3):
-            draws[i, 6 + k] = normal(episodes.streams, i)
-            norm += draws[i, 6 + k] ** 2
-        angle = uniform(episodes.streams, i, 0.0, spread[6])
-        for k in range(3):
-            draws[i, 6 + k] *= angle / np.sqrt(norm)
-        draws[i, 9] = uniform(episodes.streams, i, 0.0, spread[7])
-        draws[i, 10] = uniform(episodes.streams, i, 0.0, 2.0 * np.pi)
-        for k in range(3):
-            draws[i, 11 + k] = uniform(episodes.streams, i, -spread[8], spread[8])
+        draw_rod(episodes.streams, i, spread, draws)
+
+
+@jit
+def draw_rod(streams, i, spread, draws):
+    """Draw how the rod, the coils and gravity of environment ``i`` differ from the nominal ones."""
+    draws.modulus[i] = 1.0 + uniform(streams, i, -spread.modulus, spread.modulus)
+    draws.density[i] = 1.0 + uniform(streams, i, -spread.density, spread.density)
+    draws.drag[i] = 1.0 + uniform(streams, i, -spread.drag, spread.drag)
+    draws.remanence[i] = 1.0 + uniform(streams, i, -spread.remanence, spread.remanence)
+    draws.magnet_shift[i] = uniform(streams, i, -spread.magnet_position, spread.magnet_position)
+    draws.gain[i] = 1.0 + uniform(streams, i, -spread.field_gain, spread.field_gain)
+    norm = 0.0
+    for k in range(3):
+        draws.misalignment[i, k] = normal(streams, i)
+        norm += draws.misalignment[i, k] ** 2
+    angle = uniform(streams, i, 0.0, spread.field_misalignment)
+    for k in range(3):
+        draws.misalignment[i, k] *= angle / np.sqrt(norm)
+    draws.tilt[i] = uniform(streams, i, 0.0, spread.gravity_direction)
+    draws.heading[i] = uniform(streams, i, 0.0, 2.0 * np.pi)
+    for k in range(3):
+        draws.initial_field[i, k] = uniform(streams, i, -spread.initial_field, spread.initial_field)
 
 
 @jit
@@ -116,37 +157,38 @@ def copy_starts(rows, columns, which, starts, status):
 
 
 @jit
-def varied(values, draw):
-    """Values of a rod that differs from the nominal one."""
+def varied(values, draws, i):
+    """Values of the rod of environment ``i``, which differs from the nominal one."""
     ends = values.ends.copy()
     for segment in range(len(ends) - 1):
-        ends[segment] += draw[4]
+        ends[segment] += draws.magnet_shift[i]
+    modulus, density = draws.modulus[i], draws.density[i]
     return RodValues(
         ends,
-        values.axial * draw[0],
-        values.shear * draw[0],
-        values.bending * draw[0],
-        values.torsion * draw[0],
-        values.mass_per_length * draw[1],
-        values.rotary * draw[1],
-        values.polar * draw[1],
+        values.axial * modulus,
+        values.shear * modulus,
+        values.bending * modulus,
+        values.torsion * modulus,
+        values.mass_per_length * density,
+        values.rotary * density,
+        values.polar * density,
         values.magnet_masses,
-        values.magnet_moments * draw[3],
+        values.magnet_moments * draws.remanence[i],
     )
 
 
 @jit
-def tilted(gravity, draw):
-    """Gravity tilted by the angle draw[9] about an axis across it, at the heading draw[10]."""
+def tilted(gravity, tilt, heading):
+    """Gravity tilted by an angle about an axis across it, at a heading."""
     size = np.sqrt((gravity**2).sum())
-    if size == 0.0 or draw[9] == 0.0:
+    if size == 0.0 or tilt == 0.0:
         return gravity.copy()
     along = gravity / size
     helper = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     first = np.cross(along, helper)
     first /= np.sqrt((first**2).sum())
     second = np.cross(along, first)
-    return turned(rotation_of(draw[9] * (np.cos(draw[10]) * first + np.sin(draw[10]) * second)), gravity)
+    return turned(rotation_of(tilt * (np.cos(heading) * first + np.sin(heading) * second)), gravity)
 
 
 @jit
@@ -159,12 +201,11 @@ def make_rods(rows, making, planar, scratch, episodes, which, starts, draws, sta
     num_nodes, plane = making.layout.num_elements + 1, making.plane
     positions, rotations = np.zeros((num_nodes, 3)), np.zeros((num_nodes, 4))
     for i in which:
-        draw = draws[i]
-        rod, pull = varied(making.values, draw), tilted(making.gravity, draw)
-        turn = rotation_of(draw[6:9])
-        episodes.mixing[i] = draw[5] * turn
-        episodes.unmixing[i] = turn.T / draw[5]
-        command = making.fields[starts[i]] + draw[11:14]
+        rod, pull = varied(making.values, draws, i), tilted(making.gravity, draws.tilt[i], draws.heading[i])
+        turn = rotation_of(draws.misalignment[i])
+        episodes.mixing[i] = draws.gain[i] * turn
+        episodes.unmixing[i] = turn.T / draws.gain[i]
+        command = making.fields[starts[i]] + draws.initial_field[i]
         field = turned(episodes.mixing[i], command)
         if planar is not None:
             pull[3 - plane], field[3 - plane] = 0.0, 0.0
@@ -183,7 +224,7 @@ def make_rods(rows, making, planar, scratch, episodes, which, starts, draws, sta
             positions,
             rotations,
         )
-        write_lane(rows, making, planar, i, rod, pull, field, making.drag * draw[2])
+        write_lane(rows, making, planar, i, rod, pull, field, making.drag * draws.drag[i])
         write_drive(rows, making, planar, i, command, episodes.mixing[i])
         write_shape(rows, making, planar, i, positions, rotations)
         status[i] = 0
