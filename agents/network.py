@@ -10,6 +10,7 @@ from typing import Any
 
 import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.type_aliases import Schedule
 from torch import nn
 
 
@@ -51,7 +52,7 @@ class SkipPolicy(ActorCriticPolicy):
     def _build_mlp_extractor(self) -> None:
         self.mlp_extractor = SkipExtractor(self.features_dim, self.hidden)  # type: ignore[assignment]
 
-    def _build(self, lr_schedule: Any) -> None:
+    def _build(self, lr_schedule: Schedule) -> None:
         super()._build(lr_schedule)
         with torch.no_grad():
             for axis, entry in enumerate(self.field_entries):

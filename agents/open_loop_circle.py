@@ -6,21 +6,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from agents.rollout import REAL_RODS, evaluate, table
+from agents.rollout import REAL_RODS, Environment, evaluate, table
+from magrod_env.envs import attributes_of
 
-
-def _rounds(envs: Any) -> np.ndarray:
-    """Where on its path each environment's target will be in the middle of the next control step, in rounds,
-    (num_envs,).
-    """
-    core = envs.unwrapped.core
-    points, rate = len(core.task.path), core.task.targets.rate
-    ahead = (core.episodes.steps + 0.5) * core.control_time
-    return (core.episodes.place[:, 0] + rate * ahead) / points
+MIDDLE = 0.5  # control steps: when, in the next one, the target is looked at
 
 
 @dataclass
@@ -34,25 +26,28 @@ class RotatingField:
     rotating: float = 14.5e-3
     lead: float = 0.0
 
-    def __call__(self, observations: np.ndarray, envs: Any) -> np.ndarray:
+    def __call__(self, observations: np.ndarray, envs: Environment) -> np.ndarray:
         """Actions (num_envs, 2)."""
-        angle = 2.0 * np.pi * _rounds(envs) + self.lead
+        rods = attributes_of(envs)
+        angle = 2.0 * np.pi * rods.phase(MIDDLE) + self.lead
         field = self.rotating * np.stack([np.zeros_like(angle), np.cos(angle), np.sin(angle)], axis=1)
         field[:, 2] += self.compensation
-        return envs.unwrapped.core.coils.fraction(field)
+        return rods.coils.fraction(field)
 
 
 @dataclass
 class InverseStatics:
     """The field in whose static equilibrium the nominal rod lies on its path; knows the model, sees nothing."""
 
-    def __call__(self, observations: np.ndarray, envs: Any) -> np.ndarray:
+    def __call__(self, observations: np.ndarray, envs: Environment) -> np.ndarray:
         """Actions (num_envs, num_axes)."""
-        core = envs.unwrapped.core
-        fields = core.task.fields
-        at = (_rounds(envs) % 1.0) * len(fields)
+        rods = attributes_of(envs)
+        fields = rods.task.fields
+        if fields is None:
+            raise ValueError("task must follow a path for inverse statics, but reaches for a point: choose another.")
+        at = (rods.phase(MIDDLE) % 1.0) * len(fields)
         first, share = at.astype(int) % len(fields), (at % 1.0)[:, None]
-        return core.coils.fraction((1.0 - share) * fields[first] + share * fields[(first + 1) % len(fields)])
+        return rods.coils.fraction((1.0 - share) * fields[first] + share * fields[(first + 1) % len(fields)])
 
 
 def main() -> None:

@@ -7,11 +7,14 @@ import zipfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from agents.run_folder import write_whole
+
+if TYPE_CHECKING:  # policies need no torch
+    from stable_baselines3 import PPO
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class Policy:
         """Entries of an observation."""
         return self.layers[0][0].shape[-1] if self.layers[0][0].ndim else 0
 
-    def __call__(self, observations: np.ndarray, envs: Any = None) -> np.ndarray:
+    def __call__(self, observations: np.ndarray, envs: object = None) -> np.ndarray:
         """Actions (num_envs, num_axes) for observations (num_envs, size)."""
         seen = values = np.asarray(observations, np.float64)
         if seen.ndim != 2 or seen.shape[1] != self.size:
@@ -92,7 +95,7 @@ class Policy:
             ) from None
 
     @classmethod
-    def of_sb3(cls, model: Any) -> Policy:
+    def of_sb3(cls, model: PPO) -> Policy:
         """The deterministic policy of a Stable-Baselines3 model with `agents.network.SkipPolicy`."""
         linear = [layer for layer in model.policy.mlp_extractor.policy_net if hasattr(layer, "weight")]
         linear.append(model.policy.action_net)

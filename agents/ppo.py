@@ -35,6 +35,7 @@ from agents.run_folder import (
     write_whole,
 )
 from agents.sb3_adapter import BatchedVecEnv
+from magrod_env.envs import attributes_of
 from magrod_env.magnetics import _checks
 
 TOTAL_STEPS = 4_000_000
@@ -150,8 +151,8 @@ def make_model(args: Args, envs: BatchedVecEnv, folder: Path) -> PPO:
     """A new PPO model; it seeds environment i with seed + i."""
     if not isinstance(envs.observation_space, gymnasium.spaces.Box):
         raise ValueError(f"env_id must have an array as observation, but got {args.env_id!r}: it has goals as well.")
-    core = envs.env.unwrapped.core  # type: ignore[attr-defined]
-    fields = tuple(6 * len(core.nodes) + axis for axis in range(core.coils.num_axes))
+    place = attributes_of(envs.env).observation_layout.slices["field"]
+    fields = tuple(range(place.start, place.stop))
     return PPO(
         SkipPolicy,
         envs,

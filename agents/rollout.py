@@ -12,7 +12,7 @@ import numpy as np
 from tqdm import tqdm
 
 import magrod_env  # noqa: F401  (registers the ids)
-from magrod_env.envs import Randomization
+from magrod_env.envs import Randomization, attributes_of
 
 REAL_RODS = Randomization(
     modulus=0.2,
@@ -28,8 +28,9 @@ REAL_RODS = Randomization(
 alignment.
 """
 
-Controller = Callable[[np.ndarray, Any], np.ndarray]
-"""From observations (num_envs, size) and the vector environment to actions (num_envs, num_axes)."""
+Environment = gymnasium.Env | gymnasium.vector.VectorEnv
+Controller = Callable[[np.ndarray, Environment], np.ndarray]
+"""From observations (num_envs, size) and the environment, single or vector, to actions (num_envs, num_axes)."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,7 @@ def evaluate(
     """One episode on each of `num_episodes` environments, seeded seed, seed + 1, ...; errors until an episode ends."""
     steps = gymnasium.spec(env_id).max_episode_steps or 300
     envs = gymnasium.make_vec(env_id, num_envs=num_episodes, **settings)
+    rods = attributes_of(envs)
     observations, _ = envs.reset(seed=seed)
     controller(observations, envs)  # compiles, loads
     errors, efforts, failed = [], [], np.zeros(num_episodes, bool)
@@ -82,10 +84,10 @@ def evaluate(
         actions = controller(observations, envs)
         observations, _, terminated, _, info = envs.step(actions)
         failed |= terminated
-        errors.append(np.where(failed, envs.unwrapped.core.scene.rod.length, info["tip_error"]))
+        errors.append(np.where(failed, rods.scene.rod.length, info["tip_error"]))
         efforts.append(np.mean(np.square(np.clip(actions, -1.0, 1.0))))
     wall = time.perf_counter() - start
-    simulated = num_episodes * steps * envs.unwrapped.core.control_time
+    simulated = num_episodes * steps * rods.control_time
     return Result(name, np.array(errors).T, float(np.mean(efforts)), int(failed.sum()), simulated / wall)
 
 

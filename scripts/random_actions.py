@@ -17,7 +17,7 @@ import tyro
 from tqdm import tqdm
 
 from magrod_env import Scene, Simulation
-from magrod_env.envs.options import default_scene
+from magrod_env.envs.tasks import TASKS
 from magrod_env.magnetics import FieldCourse
 from scripts import Report, Table
 
@@ -86,7 +86,7 @@ def rms(one: np.ndarray, other: np.ndarray, steps: int) -> float:
 
 def measure(report: Report, name: str, lag: float | None, damping: float | None, actions: np.ndarray) -> None:
     """Table of one kind of coils and rod."""
-    scene = default_scene("circle").replace(internal_damping=damping)
+    scene = TASKS["circle"].scene().replace(internal_damping=damping)
     heavier = scene.replace(gravity=tuple((1.0 + CHANGE) * np.array(scene.gravity)))
     reference = tips(scene, actions, lag, num_elements=FINEST)
     steps = len(actions)

@@ -38,7 +38,7 @@ MAY_IMPORT = {
     "estimation": {*SCENES, "values", "shapes", "simulation"},
     "envs": {*SCENES, "values", "resolution", "simulation", "estimation", "rendering"},
     "rendering": set(),
-    "registration": set(),
+    "registration": {"envs"},
     "__init__": {*SCENES, "simulation", "estimation", "envs", "registration"},
 }
 NUMERICAL = {*sys.stdlib_module_names, "numpy", "numba", "llvmlite"}
@@ -122,6 +122,16 @@ def test_import_of_the_package_loads_no_training_or_plotting_library():
         sys.executable,
         "-c",
         f"import sys, magrod_env; assert sys.modules.keys().isdisjoint({HEAVY}), sys.modules",
+    )
+
+
+def test_import_of_the_package_registers_the_ids_without_the_environments_kernels():
+    kernels = [f"magrod_env.envs.{name}" for name in ("commanding", "core", "observing", "resetting", "streams")]
+    run(
+        sys.executable,
+        "-c",
+        f"import sys, gymnasium, magrod_env; assert 'MagRod/Circle-v0' in gymnasium.registry; "
+        f"assert sys.modules.keys().isdisjoint({kernels}), sys.modules",
     )
 
 

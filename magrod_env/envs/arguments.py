@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from magrod_env.envs.paths import SHAPES
 from magrod_env.magnetics import Actuator, _checks
 
 MOST_ENVS = 2**20
@@ -23,16 +22,11 @@ _RANGES: dict[str, tuple[dict[str, float], str]] = {
     "axial_softening": ({"at_least": 1.0, "at_most": 1e4}, "1 leaves the rod as it is, larger allows longer steps"),
     "rotary_scaling": ({"at_least": 1.0, "at_most": 1e6}, "1 leaves the rod as it is, larger allows longer steps"),
     "tolerance": ({"at_least": 1e-6, "at_most": 1.0}, "give the tip's RMS error in metres, 0.1 mm is 1e-4"),
-    "radius": ({"above": 0.0, "at_most": FARTHEST}, "give it in metres"),
-    "size": ({"above": 0.0, "at_most": FARTHEST}, "give it in metres"),
-    "period": ({"at_least": 0.01, "at_most": 1e6}, "give the time of one round in seconds"),
-    "reach_limit": ({"above": 0.0, "at_most": STRONGEST}, "give it in tesla"),
-    "amplitude": ({"above": 0.0, "at_most": STRONGEST}, "give it in tesla"),
 }
 _OPTIONAL = ("axial_softening", "rotary_scaling", "tolerance", "num_elements")  # None leaves them to the environment
 
 
-def told(value: Any) -> str:
+def told(value: object) -> str:
     """A value as an error message shows it: one line, not too long."""
     try:
         line = " ".join(repr(value).split())
@@ -41,8 +35,8 @@ def told(value: Any) -> str:
     return line if len(line) <= 80 else f"{line[:77]}..."
 
 
-def checked_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The user's settings, those that can be judged by themselves as plain floats, bools, tuples.
+def checked_settings(settings: Mapping[str, object]) -> dict[str, Any]:
+    """The user's settings of what all tasks share, those that can be judged by themselves as plain numbers.
 
     Raises:
         ValueError: on a value out of range or of the wrong kind.
@@ -50,7 +44,7 @@ def checked_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
     return {name: _checked(name, value) for name, value in settings.items()}
 
 
-def _checked(name: str, value: Any) -> Any:
+def _checked(name: str, value: object) -> object:
     if value is None and name in _OPTIONAL:
         return None
     if name in _RANGES:
@@ -58,42 +52,10 @@ def _checked(name: str, value: Any) -> Any:
         return _checks.number(name, value, advice=advice, **bounds)
     if name == "num_elements":
         return whole(name, value, at_most=MOST_ELEMENTS, advice="4 to 10 are usual")
-    if name == "random_start":
-        return flag(name, value)
-    if name == "center_field":
-        return _center_field(value)
-    return _path(value) if name == "path" else value
+    return value
 
 
-def _center_field(value: Any) -> tuple[float, float, float]:
-    field = _checks.vector("center_field", value, advice="give a world vector in tesla")
-    if max(map(abs, field)) > STRONGEST:
-        raise ValueError(
-            f"center_field must be at most {STRONGEST:g} T along each axis, but got {field}: 7.75 mT is 7.75e-3."
-        )
-    return field
-
-
-def _path(value: Any) -> str | tuple[tuple[float, ...], ...]:
-    """A shape's name, or points as tuples."""
-    if isinstance(value, str):
-        if value not in SHAPES:
-            raise ValueError(
-                f"path must be one of {', '.join(SHAPES)}, but got {told(value)}: choose one, or give points (M, 2)."
-            )
-        return value
-    array = reals(value)
-    if array is None or array.ndim != 2 or array.shape[0] < 2 or array.shape[1] not in (2, 3):
-        came = told(value) if array is None else f"shape {array.shape}"
-        raise ValueError(f"path must be finite points of shape (M, 2) or (M, 3), but got {came}: give M >= 2 of them.")
-    if not (np.isfinite(array).all() and (np.abs(array[:, -2:]) <= FARTHEST).all()):  # y and z count
-        raise ValueError(
-            f"path must be finite points within {FARTHEST:g} m, but got {told(array.tolist())}: give them in metres."
-        )
-    return tuple(map(tuple, array.tolist()))
-
-
-def choice(what: str, value: Any, among: tuple[str | None, ...]) -> str | None:
+def choice(what: str, value: object, among: tuple[str | None, ...]) -> str | None:
     """Return `value` if it is one of the names, or None where that is among them."""
     if (value is None or isinstance(value, str)) and value in among:
         return value
@@ -101,14 +63,14 @@ def choice(what: str, value: Any, among: tuple[str | None, ...]) -> str | None:
     raise ValueError(f"{what} must be one of {names}, but got {told(value)}: choose one of them.")
 
 
-def flag(what: str, value: Any) -> bool:
+def flag(what: str, value: object) -> bool:
     """Return `value`, True or False, as a bool."""
     if not isinstance(value, (bool, np.bool_)):
         raise ValueError(f"{what} must be True or False, but got {told(value)}: choose one of them.")
     return bool(value)
 
 
-def whole(what: str, value: Any, *, at_most: int, advice: str) -> int:
+def whole(what: str, value: object, *, at_most: int, advice: str) -> int:
     """Return `value`, a whole number from 1 to `at_most`, as an int."""
     try:
         number = _checks.count(what, value, advice=advice)
@@ -130,15 +92,18 @@ def reals(value: ArrayLike) -> np.ndarray | None:
     return array.astype(np.float64) if array.dtype.kind in "iuf" else None
 
 
-def episode_limit(value: Any) -> int | None:
+def episode_limit(value: object) -> int | None:
     """Control steps of an episode; None for None and, as in `gymnasium.make`, for -1: no limit."""
     if value is None or (isinstance(value, (int, np.integer)) and not isinstance(value, bool) and value == -1):
         return None
     return whole("max_episode_steps", value, at_most=MOST_EPISODE_STEPS, advice="None or -1 is for no limit")
 
 
-def success_radius(value: Any, length: float) -> float:
-    """The distance, m, within which a point is on its target: no more than half of a rod's `length`."""
+def success_radius(value: object, own: float, length: float) -> float:
+    """The distance, m, within which a point is on its target, None for the task's `own`: no more than half of a rod's
+    `length`.
+    """
+    value = own if value is None else value
     advice = "give it in metres, at most half of the rod's length"
     return _checks.number("success_distance", value, above=0.0, at_most=0.5 * length, advice=advice)
 
@@ -163,7 +128,7 @@ def actuator_limit(actuator: Actuator) -> float:
     return actuator.limit
 
 
-def seed_number(value: Any) -> int | None:
+def seed_number(value: object) -> int | None:
     """Return a seed as an int, None as it is."""
     if value is None:
         return None
@@ -172,7 +137,7 @@ def seed_number(value: Any) -> int | None:
     return int(value)
 
 
-def reset_options(options: Any, known: tuple[str, ...] = ()) -> dict[str, Any]:
+def reset_options(options: object, known: tuple[str, ...] = ()) -> dict[str, Any]:
     """The options of a reset, every one known."""
     if options is None:
         return {}

@@ -11,10 +11,12 @@ from gymnasium.utils import seeding
 
 from magrod_env._jit import PRESENT, Bound
 from magrod_env.envs.commanding import add_travel, write_commands
+from magrod_env.envs.estimates import Estimates
+from magrod_env.envs.observation import ObservationLayout
 from magrod_env.envs.observing import Episodes, Optics, Outcome, Scales, View, observe_blocks, observe_some
-from magrod_env.envs.resetting import Making, begin_episodes, copy_starts, vary_rods, write_fields
+from magrod_env.envs.resetting import Making, Spread, begin_episodes, copy_starts, new_draws, vary_rods, write_fields
 from magrod_env.envs.settings import Camera, Randomization
-from magrod_env.envs.tasks import Task
+from magrod_env.envs.tasks.task import Reward, Task
 from magrod_env.envs.workspace import Workspace
 from magrod_env.magnetics import Actuator, UniformCoils, _checks
 from magrod_env.resolution import Resolution
@@ -43,6 +45,7 @@ class SteeringCore:
         scene: Scene,
         task: Task,
         workspace: Workspace,
+        reward: Reward,
         *,
         num_envs: int,
         resolution: Resolution,
@@ -60,6 +63,7 @@ class SteeringCore:
         if plane is not None and set(coils.axes) - set(plane):
             raise ValueError(f"axes must lie in the plane {plane!r}, but got {coils.axes!r}: choose axes of the plane.")
         self.scene, self.task, self.workspace, self.num_envs = scene, task, workspace, num_envs
+        self.reward = reward
         self.num_elements, self.resolution = resolution.num_elements, resolution
         self.plane, self.precision, self.observe = plane, precision, observe
         self.coils, self.actuator, self.camera, self.randomization = coils, actuator, camera, randomization
@@ -90,11 +94,7 @@ class SteeringCore:
         self._set_up_coils()
         self._set_up_arrays()
         self._set_up_starts()
-        self.estimation: Any = None
-        if observe == "estimate":
-            from magrod_env.envs.estimation_core import Estimation  # only who estimates loads the filters
-
-            self.estimation = Estimation(self)
+        self.estimation: Estimates | None = None  # what writes the observations again, where one is put in
 
     # ---- set-up
 
@@ -158,21 +158,23 @@ class SteeringCore:
             length=self.scene.rod.length,
             limits=self._limits,
             coils=self._coil_axes,
-            tracking=0.1 * self.scene.rod.length,
-            precision=1e-3,
-            effort=0.01,
-            smoothness=0.05,
+            tracking=self.reward.tracking * self.scene.rod.length,
+            precision=self.reward.precision,
+            effort=self.reward.effort,
+            smoothness=self.reward.smoothness,
         )
         path = self.task.targets.rate > 0.0
         self.preview = np.array(PREVIEW if path else ())
         self.full = PRESENT if self.observe == "state" else None
-        per_node = 13 if self.plane is None else 7
-        self.observation_size = (
-            6 * tracked
-            + self.coils.num_axes
-            + 3 * tracked * (1 + len(self.preview))
-            + (per_node * self.num_elements if self.full else 0)
+        self.observation = ObservationLayout.of(
+            num_tracked=tracked,
+            length=self.scene.rod.length,
+            axes=self.coils.axes,
+            preview=tuple(self.preview),
+            num_nodes=self.num_elements if self.full else 0,
+            plane=self.plane,
         )
+        self.observation_size = self.observation.size
         self.episodes = Episodes(
             streams=np.zeros(envs, np.uint64),
             steps=np.zeros(envs, np.int64),
@@ -188,7 +190,7 @@ class SteeringCore:
         self.commands = np.zeros((self.late_controls + 2, envs, 3))  # the newest first
         self._field_before = np.zeros((envs, 3))
         self._starts = np.zeros(envs, np.int64)
-        self._draws = np.zeros((envs, 14))
+        self._draws = new_draws(envs)
         self.nodes = self.workspace.tracked_nodes
         self.plane_axes = PLANE_AXES[self.plane]
         self.view = View(
@@ -200,6 +202,7 @@ class SteeringCore:
             optics=self.optics,
             preview=self.preview,
             control_time=self.control_time,
+            places=self.observation.places,
         )
 
     def _set_up_starts(self) -> None:
@@ -208,8 +211,7 @@ class SteeringCore:
         self._start_fields = np.array([case.field for case in cases])
         self._start_poses = np.array([case.positions for case in cases]), np.array([case.quaternions for case in cases])
         if spread.active:
-            names = [field.name for field in dataclasses.fields(spread)]
-            self._spread: np.ndarray | None = np.array([getattr(spread, name) for name in names])
+            self._spread: Spread | None = Spread(**dataclasses.asdict(spread))
             self._making = Making(
                 layout=self.batch.layout,
                 axes=self.rods.axes,
@@ -249,9 +251,10 @@ class SteeringCore:
             self._copy_starts(batch.rows, self._columns, which, self._starts, batch.status)
             self.commands[:, which] = self._start_fields[self._starts[which]]
         else:
-            self._draws[which, 11:14] *= np.isin(np.arange(3), self._coil_axes)  # only the coils make a field
+            added = self._draws.initial_field
+            added[which] *= np.isin(np.arange(3), self._coil_axes)  # only the coils make a field
             self._vary(which)
-            self.commands[:, which] = self._start_fields[self._starts[which]] + self._draws[which, 11:14]
+            self.commands[:, which] = self._start_fields[self._starts[which]] + added[which]
         self._add_travel(batch.rows, batch.travel, self.plane_axes, self._field_before)
         batch.travel[which] = 0.0
         self._observe_some(batch.rows, self.view, batch.terms.planar, self.full, self.episodes, which, out)

@@ -8,6 +8,12 @@ from typing import Any
 import gymnasium
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv, VectorWrapper
+from numpy.typing import ArrayLike
+
+from magrod_env.envs.attributes import attributes_of
+from magrod_env.envs.estimates import Estimator
+from magrod_env.envs.estimation_core import Estimation
+from magrod_env.estimation.cameras import Cameras
 
 
 class EstimateState(gymnasium.Wrapper, RecordConstructorArgs):
@@ -49,13 +55,13 @@ class EstimateState(gymnasium.Wrapper, RecordConstructorArgs):
         self,
         env: gymnasium.Env,
         *,
-        estimator: Callable[..., Any] | None = None,
+        estimator: Callable[..., Estimator] | None = None,
         members: int | None = None,
-        markers: Any = "tip",
-        cameras: Any = None,
+        markers: str | ArrayLike = "tip",
+        cameras: Cameras | None = None,
         timed: bool = True,
     ) -> None:
-        options = {
+        options: dict[str, Any] = {
             "estimator": estimator,
             "members": members,
             "markers": markers,
@@ -63,36 +69,29 @@ class EstimateState(gymnasium.Wrapper, RecordConstructorArgs):
             "timed": timed,
         }
         RecordConstructorArgs.__init__(self, **options)
-        _install(env, options)
+        self._estimation = _install(env, options)
         super().__init__(env)
 
     @property
-    def estimator(self) -> Any:
+    def estimator(self) -> Estimator:
         """The estimator, of a batch of one."""
-        return self.unwrapped.core.estimation.estimator  # type: ignore[attr-defined]
+        return self._estimation.estimator
 
 
 class VectorEstimateState(VectorWrapper):
     """What `EstimateState` makes of a vector environment; arguments as there."""
 
     def __init__(self, env: VectorEnv, **options: Any) -> None:
-        _install(env, {"timed": True} | options)
+        self._estimation = _install(env, {"timed": True} | options)
         super().__init__(env)
 
     @property
-    def estimator(self) -> Any:
+    def estimator(self) -> Estimator:
         """The estimator of all rods."""
-        return self.unwrapped.core.estimation.estimator  # type: ignore[attr-defined]
+        return self._estimation.estimator
 
 
-def _install(env: Any, options: dict[str, Any]) -> None:
-    from magrod_env.envs.core import SteeringCore
-    from magrod_env.envs.estimation_core import Estimation
-
-    core = getattr(getattr(env, "unwrapped", None), "core", None)
-    if not isinstance(core, SteeringCore):
-        raise ValueError(
-            f"env must be a MagRodEnv or a MagRodVectorEnv, wrapped or not, but got {env!r}: make it with "
-            "gymnasium.make, or gymnasium.make_vec without a vectorization_mode."
-        )
-    core.estimation = Estimation(core, **options)
+def _install(env: gymnasium.Env | VectorEnv, options: dict[str, Any]) -> Estimation:
+    core = attributes_of(env).core
+    core.estimation = estimation = Estimation(core, **options)
+    return estimation

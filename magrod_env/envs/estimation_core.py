@@ -8,11 +8,15 @@ from typing import Any
 
 import numpy as np
 from gymnasium.error import ResetNeeded
+from numpy.typing import ArrayLike
 
 from magrod_env.envs.arguments import flag, reals, told, whole
+from magrod_env.envs.core import SteeringCore
+from magrod_env.envs.estimates import Estimator
 from magrod_env.envs.nominal_coils import NominalCoils
-from magrod_env.envs.observing import observe_estimate
+from magrod_env.envs.observing import Outcome, observe_estimate
 from magrod_env.estimation import EnsembleFilter, GaussianCameras, Measurement, Unknown
+from magrod_env.estimation.cameras import Cameras
 from magrod_env.estimation.measurement import marker_arc_lengths, marker_nodes
 from magrod_env.rod.state import BatchState
 from magrod_env.simulation import SimulationDiverged, StabilityError
@@ -37,12 +41,12 @@ class Estimation:
 
     def __init__(
         self,
-        core: Any,
+        core: SteeringCore,
         *,
-        estimator: Callable[..., Any] | None = None,
+        estimator: Callable[..., Estimator] | None = None,
         members: int | None = None,
-        markers: Any = "tip",
-        cameras: Any = None,
+        markers: str | ArrayLike = "tip",
+        cameras: Cameras | None = None,
         timed: bool = False,
     ) -> None:
         if core.full is not None:
@@ -51,7 +55,7 @@ class Estimation:
                 "estimators tell no rotations."
             )
         self.core, self.timed = core, flag("timed", timed)
-        self.cameras = GaussianCameras(noise=core.camera.noise or 5e-5) if cameras is None else cameras
+        self.cameras: Cameras = GaussianCameras(noise=core.camera.noise or 5e-5) if cameras is None else cameras
         if isinstance(self.cameras, type) or not hasattr(self.cameras, "measure"):
             raise ValueError(
                 f"cameras must have measure, but got {told(cameras)}: give StereoCameras() or GaussianCameras()."
@@ -75,7 +79,9 @@ class Estimation:
         self._running = np.zeros(core.num_envs, bool)
         self.seconds = 0.0  # wall time of the last step's estimation, resets after it included
 
-    def _build(self, estimator: Callable[..., Any] | None, members: int | None, markers: Any) -> Any:
+    def _build(
+        self, estimator: Callable[..., Estimator] | None, members: int | None, markers: str | ArrayLike
+    ) -> Estimator:
         core = self.core
         if estimator is not None and members is not None:
             raise ValueError(
@@ -131,7 +137,7 @@ class Estimation:
 
     # ---- running
 
-    def reset(self, which: np.ndarray, out: Any) -> None:
+    def reset(self, which: np.ndarray, out: Outcome) -> None:
         """Begin new estimates in the environments ``which`` and write their first observations again."""
         start, core = time.perf_counter(), self.core
         self._coils.reset(which)
@@ -148,7 +154,7 @@ class Estimation:
         self._lost[which] = False
         self.seconds = time.perf_counter() - start + (0.0 if chosen.all() else self.seconds)
 
-    def step(self, out: Any) -> None:
+    def step(self, out: Outcome) -> None:
         """Follow one control step of all environments and write their observations again."""
         if not self._running.all():
             raise ResetNeeded("environment must be reset before its state is estimated, but was not: call reset().")
@@ -222,7 +228,7 @@ class Estimation:
         exposed = self.estimator.time - core.optics.delay * core.control_time
         self.estimator.update(Measurement(positions=seen, covariance=self._covariances[arriving], time=exposed))
 
-    def _tell(self, which: np.ndarray, begun: np.ndarray, out: Any) -> None:
+    def _tell(self, which: np.ndarray, begun: np.ndarray, out: Outcome) -> None:
         """Write observations and errors of the environments ``which``; where an estimate has just ``begun``,
         (num_envs,) bool, it has not moved yet.
         """

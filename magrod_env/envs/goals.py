@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import ArrayLike
 
 from magrod_env.envs.arguments import reals, told
+from magrod_env.envs.core import SteeringCore
+from magrod_env.envs.observing import Outcome
 
 
-def goal_space(core: Any, observation: spaces.Box) -> spaces.Dict:
+def goal_space(core: SteeringCore, observation: spaces.Box) -> spaces.Dict:
     """Observation as without goals; achieved and desired positions in metres, where a rod that is not lost may be."""
     bound = max(1.0, 1.5 * core.scene.rod.length)  # the watchdog loses a rod that is stretched by half
     positions = spaces.Box(-bound, bound, (3 * len(core.nodes),), np.float64)
     return spaces.Dict({"observation": observation, "achieved_goal": positions, "desired_goal": positions})
 
 
-def goal_observation(out: Any) -> dict[str, np.ndarray]:
+def goal_observation(out: Outcome) -> dict[str, np.ndarray]:
     """Observations of all environments."""
     return {
         "observation": out.observations.copy(),
@@ -37,7 +38,7 @@ def distance_reward(achieved: np.ndarray, desired: np.ndarray, success_distance:
     return np.where(distance <= success_distance, 0.0, -1.0)[()]  # a number for a pair of goals
 
 
-def reward_of_goals(achieved: Any, desired: Any, size: int, success_distance: float) -> np.ndarray:
+def reward_of_goals(achieved: ArrayLike, desired: ArrayLike, size: int, success_distance: float) -> np.ndarray:
     """`distance_reward` of goals that a user gives, of `size` entries each, one or batches that broadcast.
 
     Raises:
@@ -54,7 +55,7 @@ def reward_of_goals(achieved: Any, desired: Any, size: int, success_distance: fl
     return distance_reward(goals[0], goals[1], success_distance)
 
 
-def _goal(name: str, value: Any, size: int) -> np.ndarray:
+def _goal(name: str, value: ArrayLike, size: int) -> np.ndarray:
     goal = reals(value)
     if goal is None or goal.ndim == 0 or goal.shape[-1] != size:
         came = told(value) if goal is None else f"shape {goal.shape}"
@@ -64,7 +65,7 @@ def _goal(name: str, value: Any, size: int) -> np.ndarray:
     return goal
 
 
-def sparse_reward(out: Any, success_distance: float, lost: np.ndarray) -> np.ndarray:
+def sparse_reward(out: Outcome, success_distance: float, lost: np.ndarray) -> np.ndarray:
     """`distance_reward` of one step's outcome; a rod that is ``lost``, (num_envs,) bool, has not succeeded."""
     observed = goal_observation(out)
     rewards = distance_reward(observed["achieved_goal"], observed["desired_goal"], success_distance)

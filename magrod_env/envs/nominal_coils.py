@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
+
+from magrod_env.envs.core import SteeringCore
 
 PIECE = 5e-3  # s: for so long a field that changes is taken to be constant
 FINE = 1e-3  # s: steps of the drive
@@ -18,7 +19,7 @@ class NominalCoils:
         core: the `SteeringCore` whose commands these are; saturation is already in them.
     """
 
-    def __init__(self, core: Any) -> None:
+    def __init__(self, core: SteeringCore) -> None:
         self.core = core
         self.asked = np.zeros((core.num_envs, 3))  # T, behind the slew limit
         self.field = np.zeros((core.num_envs, 3))  # T, now

@@ -6,9 +6,21 @@ import numpy as np
 
 from magrod_env._jit import inline_jit, jit
 from magrod_env.envs.streams import normal
+from magrod_env.envs.targets import Targets
 from magrod_env.rod.layout import FIELD, PLANAR, SPATIAL, Layout
 
 TRACKING, PRECISION, EFFORT, SMOOTHNESS = range(4)  # reward terms
+
+
+class Places(NamedTuple):
+    """Where each entry of an observation begins; see `magrod_env.envs.observation` for what they are."""
+
+    position: int
+    velocity: int
+    field: int
+    target: int
+    preview: int
+    state: int
 
 
 class Episodes(NamedTuple):
@@ -22,19 +34,6 @@ class Episodes(NamedTuple):
     action: np.ndarray  # (num_axes,) last action
     mixing: np.ndarray  # (3, 3) from the commanded to the acting field: gain and misalignment
     unmixing: np.ndarray  # (3, 3) its inverse: what the coils' own sensors say of the acting field
-
-
-class Targets(NamedTuple):
-    """Tables of a task.
-
-    ``table`` (A, B, num_tracked, 3) m: a path of A points (B = 1), or a grid of A x B reachable points. ``rate``: path
-    points a second, zero for a grid. ``starts``: how many entries of the start table an episode may begin from, evenly
-    along the path.
-    """
-
-    table: np.ndarray
-    rate: float
-    starts: int
 
 
 class Optics(NamedTuple):
@@ -69,6 +68,7 @@ class View(NamedTuple):
     optics: Optics
     preview: np.ndarray  # s ahead
     control_time: float  # s
+    places: Places  # of the entries in an observation
 
 
 class Outcome(NamedTuple):
@@ -161,41 +161,57 @@ def coil_fraction(field, episodes, scales, i, a):
 
 @inline_jit
 def write_observation(rows, view, planar, full, episodes, i, obs, goal, field, ahead):
-    """One observation (see the environments' tables) into ``obs`` (size,).
+    """One observation into ``obs`` (size,), each entry at its place.
 
     ``goal`` (num_tracked, 3) m is the target now, ``field`` (3,) T the field that acts, ``ahead`` room for targets.
     """
-    tracked, k, scales = len(view.nodes), 0, view.scales
-    length = scales.length
+    write_positions(view, episodes, i, obs)
+    write_coils(view, episodes, i, obs, field)
+    write_targets(view, episodes, i, obs, goal, ahead)
+    if full is not None:
+        write_state(rows, view, planar, i, obs)
+
+
+@inline_jit
+def write_positions(view, episodes, i, obs):
+    """What the camera saw of the tracked points: position / L, and velocity / L of the last two frames."""
+    length = view.scales.length
+    for p in range(len(view.nodes)):
+        for axis in range(3):
+            at, now = 3 * p + axis, episodes.seen[i, 0, p, axis]
+            speed = (now - episodes.seen[i, 1, p, axis]) / view.optics.frame_time
+            obs[view.places.position + at] = bounded(now / length)
+            obs[view.places.velocity + at] = bounded(speed / length)
+
+
+@inline_jit
+def write_coils(view, episodes, i, obs, field):
+    """Field of every coil pair as a share of its limit."""
+    for a in range(len(view.scales.limits)):
+        obs[view.places.field + a] = bounded(coil_fraction(field, episodes, view.scales, i, a))
+
+
+@inline_jit
+def write_targets(view, episodes, i, obs, goal, ahead):
+    """Targets: now from the positions seen, and later ones from now, each / (L / 10)."""
+    tracked, length = len(view.nodes), view.scales.length
     for p in range(tracked):
         for axis in range(3):
-            obs[k] = bounded(episodes.seen[i, 0, p, axis] / length)
-            speed = (episodes.seen[i, 0, p, axis] - episodes.seen[i, 1, p, axis]) / view.optics.frame_time
-            obs[k + 3 * tracked] = bounded(speed / length)
-            k += 1
-    k += 3 * tracked
-    for a in range(len(scales.limits)):
-        obs[k] = bounded(coil_fraction(field, episodes, scales, i, a))
-        k += 1
-    for p in range(tracked):
-        for axis in range(3):
-            obs[k] = bounded(10.0 * (goal[p, axis] - episodes.seen[i, 0, p, axis]) / length)
-            k += 1
+            gap = goal[p, axis] - episodes.seen[i, 0, p, axis]
+            obs[view.places.target + 3 * p + axis] = bounded(10.0 * gap / length)
     time = view.control_time * episodes.steps[i]
     for q in range(len(view.preview)):
         target_at(view.targets, episodes.place[i], time + view.preview[q], ahead)
         for p in range(tracked):
             for axis in range(3):
-                obs[k] = bounded(10.0 * (ahead[p, axis] - goal[p, axis]) / length)
-                k += 1
-    if full is not None:
-        write_state(rows, view, planar, i, obs, k)
+                change = ahead[p, axis] - goal[p, axis]
+                obs[view.places.preview + 3 * (tracked * q + p) + axis] = bounded(10.0 * change / length)
 
 
 @inline_jit
-def write_state(rows, view, planar, i, obs, k):
-    """The full state of a rod: position / L, rotation, velocity / L, spin of every free node, from entry ``k``."""
-    layout, length = view.layout, view.scales.length
+def write_state(rows, view, planar, i, obs):
+    """The full state of a rod: position / L, rotation, velocity / L, spin of every free node."""
+    layout, length, k = view.layout, view.scales.length, view.places.state
     block, lane = i // rows.shape[2], i % rows.shape[2]
     for node in range(1, layout.num_elements + 1):
         row = layout.nodes + (SPATIAL.size if planar is None else PLANAR.size) * node

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from magrod_env.envs.core import SteeringCore
+from magrod_env.envs.observing import Outcome
 from magrod_env.rod.layout import PLANAR, SPATIAL
 
 TRACE = 100  # positions of the tip that a frame shows
@@ -14,7 +14,7 @@ TRACE = 100  # positions of the tip that a frame shows
 class Painter:
     """Draws the environments of a core; needs the extra ``viz``."""
 
-    def __init__(self, core: Any) -> None:
+    def __init__(self, core: SteeringCore) -> None:
         from magrod_env.rendering import Picture, Renderer  # only who renders needs Pillow
 
         self.core = core
@@ -28,9 +28,9 @@ class Painter:
                 magnet_lengths=tuple(magnet.length or scene.rod.width for magnet in magnets),
                 magnet_radii=tuple(0.5 * (magnet.diameter or 0.5 * scene.rod.width) for magnet in magnets),
                 magnet_directions=tuple(magnet.direction for magnet in magnets),
-                field_limit=max(core.coils.limit),
+                field_limit=float(np.max(core.coils.limit)),
                 gravity=scene.gravity if scene.gravity is not None and any(scene.gravity) else None,
-                plane="spatial" if core.plane is None else core.plane,
+                plane="spatial" if core.plane is None else core.plane,  # type: ignore[arg-type]  # one of a few names
             )
         )
         self._trace: list[np.ndarray] = []
@@ -39,12 +39,12 @@ class Painter:
         """Forget the trace of the last episode."""
         self._trace = []
 
-    def follow(self, out: Any) -> None:
+    def follow(self, out: Outcome) -> None:
         """Add the tip to the trace, unless the rod is lost."""
         if self.core.batch.status[0] == 0:
             self._trace = [*self._trace[-TRACE + 1 :], out.positions[0, 0].copy()]
 
-    def paint(self, i: int, out: Any) -> np.ndarray:
+    def paint(self, i: int, out: Outcome) -> np.ndarray:
         """Frame of environment ``i``."""
         nodes, rotations = self._pose(i)
         path = self.core.task.path

@@ -9,6 +9,41 @@ from magrod_env.envs.streams import normal, uniform
 from magrod_env.rod.layout import FIELD, REFERENCE, TARGET, Layout
 
 
+class Spread(NamedTuple):
+    """The fields of a `Randomization`, as numbers."""
+
+    modulus: float
+    density: float
+    drag: float
+    remanence: float
+    magnet_position: float  # m
+    field_gain: float
+    field_misalignment: float  # rad
+    gravity_direction: float  # rad
+    initial_field: float  # T
+
+
+class Draws(NamedTuple):
+    """How the rods of the present episodes differ from the nominal one; first axis num_envs."""
+
+    modulus: np.ndarray  # () factor
+    density: np.ndarray  # () factor
+    drag: np.ndarray  # () factor
+    remanence: np.ndarray  # () factor
+    magnet_shift: np.ndarray  # () m, along the rod
+    gain: np.ndarray  # () factor of the coils' field
+    misalignment: np.ndarray  # (3,) rotation vector of the coils' frame, rad
+    tilt: np.ndarray  # () angle of gravity from its nominal direction, rad
+    heading: np.ndarray  # () direction of that tilt, rad
+    initial_field: np.ndarray  # (3,) T, added to the field of the start
+
+
+def new_draws(num_envs: int) -> Draws:
+    """Room for the draws of ``num_envs`` environments."""
+    vectors = ("misalignment", "initial_field")
+    return Draws(*(np.zeros((num_envs, 3) if name in vectors else num_envs) for name in Draws._fields))
+
+
 class Making(NamedTuple):
     """What making rods that differ from the nominal one needs."""
 
@@ -24,9 +59,7 @@ class Making(NamedTuple):
 def begin_episodes(episodes, targets, which, starts, draws, spread):
     """Draw where the episodes of ``which`` begin or reach to, and how their rods differ.
 
-    ``starts`` (num_envs,) gets the start table's entry; ``draws`` (num_envs, 14) factors and offsets from ``spread``
-    (9,): modulus, density, drag, remanence (factors), magnet shift (m), gain (factor), misalignment (3, rotation
-    vector), gravity tilt (2: angle and heading), initial field (3, T).
+    ``starts`` (num_envs,) gets the start table's entry; ``spread`` is None where all rods are nominal.
     """
     table = targets.table
     for i in which:
@@ -43,21 +76,29 @@ def begin_episodes(episodes, targets, which, starts, draws, spread):
             episodes.place[i, 1] = uniform(episodes.streams, i, 0.0, table.shape[1] - 1.000001)
         if spread is None:
             continue
-        for k in range(4):
-            draws[i, k] = 1.0 + uniform(episodes.streams, i, -spread[k], spread[k])
-        draws[i, 4] = uniform(episodes.streams, i, -spread[4], spread[4])
-        draws[i, 5] = 1.0 + uniform(episodes.streams, i, -spread[5], spread[5])
-        norm = 0.0
-        for k in range(3):
-            draws[i, 6 + k] = normal(episodes.streams, i)
-            norm += draws[i, 6 + k] ** 2
-        angle = uniform(episodes.streams, i, 0.0, spread[6])
-        for k in range(3):
-            draws[i, 6 + k] *= angle / np.sqrt(norm)
-        draws[i, 9] = uniform(episodes.streams, i, 0.0, spread[7])
-        draws[i, 10] = uniform(episodes.streams, i, 0.0, 2.0 * np.pi)
-        for k in range(3):
-            draws[i, 11 + k] = uniform(episodes.streams, i, -spread[8], spread[8])
+        draw_rod(episodes.streams, i, spread, draws)
+
+
+@jit
+def draw_rod(streams, i, spread, draws):
+    """Draw how the rod, the coils and gravity of environment ``i`` differ from the nominal ones."""
+    draws.modulus[i] = 1.0 + uniform(streams, i, -spread.modulus, spread.modulus)
+    draws.density[i] = 1.0 + uniform(streams, i, -spread.density, spread.density)
+    draws.drag[i] = 1.0 + uniform(streams, i, -spread.drag, spread.drag)
+    draws.remanence[i] = 1.0 + uniform(streams, i, -spread.remanence, spread.remanence)
+    draws.magnet_shift[i] = uniform(streams, i, -spread.magnet_position, spread.magnet_position)
+    draws.gain[i] = 1.0 + uniform(streams, i, -spread.field_gain, spread.field_gain)
+    norm = 0.0
+    for k in range(3):
+        draws.misalignment[i, k] = normal(streams, i)
+        norm += draws.misalignment[i, k] ** 2
+    angle = uniform(streams, i, 0.0, spread.field_misalignment)
+    for k in range(3):
+        draws.misalignment[i, k] *= angle / np.sqrt(norm)
+    draws.tilt[i] = uniform(streams, i, 0.0, spread.gravity_direction)
+    draws.heading[i] = uniform(streams, i, 0.0, 2.0 * np.pi)
+    for k in range(3):
+        draws.initial_field[i, k] = uniform(streams, i, -spread.initial_field, spread.initial_field)
 
 
 @jit
@@ -99,17 +140,17 @@ def copy_starts(rows, columns, which, starts, status):
 
 
 @jit
-def tilted(gravity, draw):
-    """Gravity tilted by the angle draw[9] about an axis across it, at the heading draw[10]."""
+def tilted(gravity, tilt, heading):
+    """Gravity tilted by an angle about an axis across it, at a heading."""
     size = np.sqrt((gravity**2).sum())
-    if size == 0.0 or draw[9] == 0.0:
+    if size == 0.0 or tilt == 0.0:
         return gravity.copy()
     along = gravity / size
     helper = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     first = np.cross(along, helper)
     first /= np.sqrt((first**2).sum())
     second = np.cross(along, first)
-    return turned(rotation_of(draw[9] * (np.cos(draw[10]) * first + np.sin(draw[10]) * second)), gravity)
+    return turned(rotation_of(tilt * (np.cos(heading) * first + np.sin(heading) * second)), gravity)
 
 
 @jit
@@ -120,13 +161,14 @@ def vary_rods(parameters, making, episodes, which, starts, draws, loads):
     """
     for m in range(len(which)):
         i = which[m]
-        draw = draws[i]
-        parameters.modulus[i], parameters.density[i], parameters.moment[i] = draw[0], draw[1], draw[3]
-        parameters.drag[i], parameters.magnet_shift[i] = making.drag * draw[2], draw[4]
-        pull, turn = tilted(making.gravity, draw), rotation_of(draw[6:9])
-        episodes.mixing[i] = draw[5] * turn
-        episodes.unmixing[i] = turn.T / draw[5]
-        field = turned(episodes.mixing[i], making.fields[starts[i]] + draw[11:14])
+        parameters.modulus[i], parameters.density[i] = draws.modulus[i], draws.density[i]
+        parameters.moment[i], parameters.magnet_shift[i] = draws.remanence[i], draws.magnet_shift[i]
+        parameters.drag[i] = making.drag * draws.drag[i]
+        pull = tilted(making.gravity, draws.tilt[i], draws.heading[i])
+        turn = rotation_of(draws.misalignment[i])
+        episodes.mixing[i] = draws.gain[i] * turn
+        episodes.unmixing[i] = turn.T / draws.gain[i]
+        field = turned(episodes.mixing[i], making.fields[starts[i]] + draws.initial_field[i])
         for k in range(3):
             inside = k != making.across
             parameters.gravity[i, k] = pull[k] if inside else 0.0
@@ -143,7 +185,7 @@ def write_fields(rows, making, which, starts, draws, episodes, loads, status):
     for m in range(len(which)):
         i = which[m]
         block, lane = i // width, i % width
-        command = making.fields[starts[i]] + draws[i, 11:14]
+        command = making.fields[starts[i]] + draws.initial_field[i]
         for k in range(3):
             for first in (FIELD, REFERENCE, TARGET):
                 rows[block, first + k, lane] = loads[m, axes[k]]

@@ -9,6 +9,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike
 
 from magrod_env.envs.arguments import (
     MOST_ENVS,
@@ -22,38 +23,42 @@ from magrod_env.envs.arguments import (
     told,
     whole,
 )
+from magrod_env.envs.attributes import RodAttributes
+from magrod_env.envs.core import SteeringCore
 from magrod_env.envs.goals import goal_observation, goal_space, sparse_reward
+from magrod_env.envs.observing import Outcome
 from magrod_env.envs.options import make_core
 from magrod_env.envs.pictures import Painter
+from magrod_env.envs.tasks import TASKS
 
 OBSERVATION_BOUND = 100.0
 
 
-def action_space_of(core: Any) -> spaces.Box:
+def action_space_of(core: SteeringCore) -> spaces.Box:
     """Share of each coil pair's limit."""
     return spaces.Box(-1.0, 1.0, (core.coils.num_axes,), np.float32)
 
 
-def observation_space_of(core: Any) -> spaces.Box:
+def observation_space_of(core: SteeringCore) -> spaces.Box:
     """Dimensionless numbers of order one; see the table of each environment."""
     return spaces.Box(-OBSERVATION_BOUND, OBSERVATION_BOUND, (core.observation_size,), np.float32)
 
 
-class MagRodVectorEnv(VectorEnv):
+class MagRodVectorEnv(RodAttributes, VectorEnv):
     """`num_envs` independent environments in one batch; made by `gymnasium.make_vec(id, num_envs=...)`.
 
     Row i of a batch that is reset with seed s does what a single environment reset with seed s + i does, bit for bit.
     The batch truncates by itself after `max_episode_steps`.
 
     Args:
-        task: "circle", "path", "reach", "two_magnet" or "planar_reach".
+        task: one of `magrod_env.envs.tasks.TASKS`.
         num_envs: number of environments.
         max_episode_steps: control steps after which an episode is truncated; None, or -1 as in `gymnasium.make`, for
             never.
         autoreset_mode: gymnasium's `AutoresetMode` or its value: "NextStep" (default), "SameStep" or "Disabled";
             with the last, an environment whose episode has ended must be reset, with a `reset_mask`, before it steps.
         goal: goal-conditioned observations and sparse rewards, for hindsight replay.
-        success_distance: error, m, below which `info["is_success"]` is true.
+        success_distance: error, m, below which `info["is_success"]` is true; None for the task's own.
         render_mode: None or "rgb_array": `render()` then gives a tuple with a frame of every environment.
         settings: the arguments of `MagRodEnv`.
 
@@ -70,7 +75,7 @@ class MagRodVectorEnv(VectorEnv):
         max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         goal: bool = False,
-        success_distance: float = 1e-3,
+        success_distance: float | None = None,
         render_mode: str | None = None,
         **settings: Any,
     ) -> None:
@@ -90,7 +95,7 @@ class MagRodVectorEnv(VectorEnv):
             "render_fps": self.core.control_rate,
             "autoreset_mode": self.autoreset_mode,
         }
-        self.success_distance = success_radius(success_distance, self.core.scene.rod.length)
+        self.success_distance = success_radius(success_distance, TASKS[task].success_distance, self.scene.rod.length)
         box = observation_space_of(self.core)
         self.single_observation_space = goal_space(self.core, box) if self.goal else box
         self.single_action_space = action_space_of(self.core)
@@ -170,7 +175,7 @@ class MagRodVectorEnv(VectorEnv):
             )
         return [seed_number(one) for one in seed]
 
-    def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+    def step(self, actions: ArrayLike) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """One control step of every environment."""
         self._need_running()
         actions = self._checked(actions)
@@ -199,7 +204,9 @@ class MagRodVectorEnv(VectorEnv):
         over, last = self._over, self._observation(self._out)
         final = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(over):
-            final[i] = {name: value[i].copy() for name, value in last.items()} if self.goal else last[i].copy()
+            final[i] = (
+                {name: value[i].copy() for name, value in last.items()} if isinstance(last, dict) else last[i].copy()
+            )
         self._out = type(self._out)(*(array.copy() for array in self._out))
         self.core.reset(np.flatnonzero(over), self._out)
         ended = {name: value for name, value in info.items() if not name.startswith("_")}
@@ -217,7 +224,7 @@ class MagRodVectorEnv(VectorEnv):
             "_final_info": over.copy(),
         }
 
-    def _checked(self, actions: Any) -> np.ndarray:
+    def _checked(self, actions: ArrayLike) -> np.ndarray:
         array = reals(actions)
         if array is None or array.shape != self.action_space.shape:
             came = told(actions) if array is None else f"shape {array.shape}"
@@ -231,10 +238,10 @@ class MagRodVectorEnv(VectorEnv):
             )
         return array
 
-    def _observation(self, out: Any) -> Any:
+    def _observation(self, out: Outcome) -> np.ndarray | dict[str, np.ndarray]:
         return goal_observation(out) if self.goal else out.observations.copy()
 
-    def _info(self, out: Any, actions: np.ndarray | None, chosen: np.ndarray | None = None) -> dict[str, Any]:
+    def _info(self, out: Outcome, actions: np.ndarray | None, chosen: np.ndarray | None = None) -> dict[str, Any]:
         info = self.core.info(out, actions, self.success_distance)
         if self.goal:
             info = {name: value for name, value in info.items() if not name.startswith("reward_")}

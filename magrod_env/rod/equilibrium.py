@@ -173,7 +173,7 @@ class StaticModel:
         return blocks, rows
 
     def put(self, rows, positions, quaternions, velocities=None, momenta=None) -> None:
-        """Write poses (K, num_nodes, 3) and (K, num_nodes, 4), and motion where it is given, into the lanes of rows, the
+        """Write poses (K, num_nodes, 3) and (K, num_nodes, 4), and motion where given, into the lanes of ``rows``, the
         last repeated.
         """
         blocks, width = len(rows), rows.shape[2]

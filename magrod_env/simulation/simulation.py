@@ -511,7 +511,8 @@ class Simulation:
             length = float(self.rods.arc_lengths_of(rod)[-1])
             positions, quaternions = checked_shape(start, 1, self.num_elements + 1, length, self._across, name="start")
             found = static.relaxed(positions[0], quaternions[0], felt, pull, column)
-        return dataclasses.replace(found, field=one, gradient=found.gradient if slopes is None else slopes)
+        commanded: np.ndarray = found.gradient if slopes is None else slopes
+        return dataclasses.replace(found, field=one, gradient=commanded)
 
     def _checked_rod(self, rod: Any) -> int:
         if isinstance(rod, bool) or not isinstance(rod, (int, np.integer)) or not 0 <= rod < self.num_rods:

@@ -232,12 +232,13 @@ def check_state(
         "gradient": (count, 3, 3),
     }
     for name, shape in shapes.items():
-        value, kind = getattr(state, name), np.int64 if name == "status" else np.float64
-        kind = batch.dtype if name in ("nodes", "loads", "watch") else kind
+        value, kind = getattr(state, name), np.dtype(np.int64 if name == "status" else np.float64)
+        if name in ("nodes", "loads", "watch"):
+            kind = batch.dtype
         fits = isinstance(value, np.ndarray) and value.shape == shape and value.dtype == kind
         if not fits or (name in ("loads", "field", "gradient", "travel") and not np.isfinite(value).all()):
             raise ValueError(
-                f"{name} of a state must be finite, {np.dtype(kind)}, of shape {shape}, but got "
+                f"{name} of a state must be finite, {kind}, of shape {shape}, but got "
                 f"{f'{value.dtype} of shape {value.shape}' if isinstance(value, np.ndarray) else repr(value)}: "
                 "do not change a state but by replace()."
             )
