@@ -5,7 +5,16 @@ from magrod_env.registration import register_all
 from magrod_env.rod.equilibrium import Equilibrium
 from magrod_env.scene import Magnet, Rod, Scene
 from magrod_env.scenes import load_scene, paper_scene, scene_names
-from magrod_env.simulation import CoarseWarning, Simulation, SimulationDiverged, StabilityError
+from magrod_env.simulation import (
+    CoarseWarning,
+    InverseStatics,
+    LinearModel,
+    Reactions,
+    RodState,
+    Simulation,
+    SimulationDiverged,
+    StabilityError,
+)
 
 register_all()
 
@@ -15,8 +24,12 @@ __all__ = [
     "Actuator",
     "CoarseWarning",
     "Equilibrium",
+    "InverseStatics",
+    "LinearModel",
     "Magnet",
+    "Reactions",
     "Rod",
+    "RodState",
     "Scene",
     "Simulation",
     "SimulationDiverged",

@@ -13,12 +13,23 @@ if TYPE_CHECKING:
     from magrod_env.envs.estimating import EstimateState
     from magrod_env.envs.settings import Camera, Randomization
     from magrod_env.envs.single import MagRodEnv
+    from magrod_env.envs.state import EnvState
     from magrod_env.envs.vector import MagRodVectorEnv
 
-__all__ = ["Camera", "EstimateState", "MagRodEnv", "MagRodVectorEnv", "Randomization", "RodAttributes", "attributes_of"]
+__all__ = [
+    "Camera",
+    "EnvState",
+    "EstimateState",
+    "MagRodEnv",
+    "MagRodVectorEnv",
+    "Randomization",
+    "RodAttributes",
+    "attributes_of",
+]
 
 _MODULES = {
     "Camera": "settings",
+    "EnvState": "state",
     "EstimateState": "estimating",
     "MagRodEnv": "single",
     "MagRodVectorEnv": "vector",

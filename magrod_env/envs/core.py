@@ -284,6 +284,14 @@ class SteeringCore:
             self.batch.status,
         )
 
+    def place_mixing(self, which: np.ndarray) -> None:
+        """Give the kernel the mixing of the environments `which` where it mixes behind the slew limit."""
+        layout, rows, axes = self.batch.layout, self.batch.rows, self.rods.axes
+        if self.batch.terms.turned is not None:
+            flat = self.episodes.mixing[which][:, axes, :][:, :, axes].reshape(-1, 9)
+            width = self.batch.width
+            rows[which // width, layout.mixing : layout.mixing + 9, which % width] = flat
+
     # ---- steps
 
     def step(self, actions: np.ndarray, out: Outcome) -> None:

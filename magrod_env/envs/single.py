@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 from typing import Any
 
 import gymnasium
@@ -15,6 +17,7 @@ from magrod_env.envs.goals import goal_observation, goal_space, reward_of_goals,
 from magrod_env.envs.observing import Outcome
 from magrod_env.envs.options import make_core
 from magrod_env.envs.pictures import Painter
+from magrod_env.envs.state import EnvState, checked_state, put_state, take_state
 from magrod_env.envs.tasks import TASKS
 from magrod_env.envs.vector import action_space_of, observation_space_of
 
@@ -156,6 +159,32 @@ num_elements is given |
         if self._painter is not None:
             self._painter.follow(out)
         return self._observation(out), float(reward), bool(info["diverged"]), False, info
+
+    def get_state(self) -> EnvState:
+        """Everything that the environment goes on from, random streams included; see `EnvState`.
+
+        Raises:
+            ResetNeeded: before the first reset.
+        """
+        self._need_reset()
+        assert self._out is not None
+        state = take_state(self.core, self._out, np.zeros(1, bool))
+        return dataclasses.replace(state, generator=copy.deepcopy(self.np_random.bit_generator.state))
+
+    def set_state(self, state: EnvState) -> None:
+        """Put the environment into the state of one made alike, single or one of a vector; it goes on bit for bit.
+
+        Raises:
+            ValueError: if it is no state, or does not fit.
+        """
+        state, which = checked_state(state, self.core, None)
+        if state.generator is not None:
+            self.np_random.bit_generator.state = copy.deepcopy(state.generator)
+        self._seeded_from = self.np_random
+        self._out = self.core.new_outcome()
+        put_state(self.core, state, which, self._out, np.zeros(1, bool))
+        if self._painter is not None:
+            self._painter.begin()
 
     def _compute_reward(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: object) -> np.ndarray:
         """Sparse reward of any pair of goals, (3 P,) or (batch, 3 P) m: 0 within `success_distance`, else -1; one that

@@ -29,6 +29,7 @@ from magrod_env.envs.goals import goal_observation, goal_space, sparse_reward
 from magrod_env.envs.observing import Outcome
 from magrod_env.envs.options import make_core
 from magrod_env.envs.pictures import Painter
+from magrod_env.envs.state import EnvState, checked_state, put_state, take_state
 from magrod_env.envs.tasks import TASKS
 
 OBSERVATION_BOUND = 100.0
@@ -254,6 +255,34 @@ class MagRodVectorEnv(RodAttributes, VectorEnv):
         if self._painter is None:
             return None
         return tuple(self._painter.paint(i, self._out) for i in range(self.num_envs))
+
+    def get_state(self) -> EnvState:
+        """Everything that the environments go on from, random streams included; see `EnvState`.
+
+        Raises:
+            ResetNeeded: before the first reset.
+        """
+        self._need_reset()
+        return take_state(self.core, self._out, self._over)
+
+    def set_state(self, state: EnvState, envs: ArrayLike | None = None) -> None:
+        """Put environments into states of environments made alike, single or vector; they go on bit for bit.
+
+        Args:
+            state: of one environment, for all, or of as many as there are in `envs`.
+            envs: indices (M,); None for all.
+
+        Raises:
+            ValueError: if it is no state, or does not fit.
+            ResetNeeded: before the first reset, for some environments only.
+        """
+        state, which = checked_state(state, self.core, envs)
+        if envs is not None:
+            self._need_reset()
+        out = self.core.new_outcome() if envs is None else type(self._out)(*(array.copy() for array in self._out))
+        self._over = self._over.copy()
+        put_state(self.core, state, which, out, self._over)
+        self._out, self._seeded[which] = out, True
 
     def close_extras(self, **kwargs: Any) -> None:
         """Nothing is held open."""

@@ -158,13 +158,13 @@ def add_tensors(a, b):
 
 
 @inline_jit
-def add_element(block, scratch, layout, element, pose_a, pose_b, motion_a, motion_b, share, lanes):
-    """Add the damping of an element, ``share`` = c times the Kelvin-Voigt time, and its loads in the present motion."""
-    row, a, b = (
-        layout.elements + ELEMENT_ROWS * element,
-        damping_rows(SPATIAL_FREEDOMS) * (element - 1),
-        damping_rows(SPATIAL_FREEDOMS) * element,
-    )
+def damping_loads(block, row, pose_a, pose_b, motion_a, motion_b, share, lanes):
+    """Resistance of the element at ``row`` to motions in the world frame, for a Kelvin-Voigt time of ``share``.
+
+    Returns (tangent, chord over length); stiffness across and along, against bending and twisting; and force on a
+    (b gets its negative), moment and lever in the world frame: the torques are moment - lever on a, -moment - lever
+    on b.
+    """
     length, inverse_length = load(block, row + LENGTH, lanes), load(block, row + INVERSE_LENGTH, lanes)
     shear, tilting = load(block, row + SHEAR, lanes), load(block, row + TILT, lanes)
     across = share * (shear * tilting / (shear + tilting))
@@ -181,6 +181,21 @@ def add_element(block, scratch, layout, element, pose_a, pose_b, motion_a, motio
     force = add_scaled(scale(across, rate), along * dot(t, rate), t)
     moment = add_scaled(scale(bending, bend), twisting * dot(t, bend), t)
     lever = scale(0.5 * length, cross(force, chord))
+    return (t, chord), (across, along, bending, twisting), (force, moment, lever)
+
+
+@inline_jit
+def add_element(block, scratch, layout, element, pose_a, pose_b, motion_a, motion_b, share, lanes):
+    """Add the damping of an element, ``share`` = c times the Kelvin-Voigt time, and its loads in the present motion."""
+    row, a, b = (
+        layout.elements + ELEMENT_ROWS * element,
+        damping_rows(SPATIAL_FREEDOMS) * (element - 1),
+        damping_rows(SPATIAL_FREEDOMS) * element,
+    )
+    length, inverse_length = load(block, row + LENGTH, lanes), load(block, row + INVERSE_LENGTH, lanes)
+    (t, chord), (across, along, bending, twisting), (force, moment, lever) = damping_loads(
+        block, row, pose_a, pose_b, motion_a, motion_b, share, lanes
+    )
     q = cross(t, chord)
     s, e = scale(0.5 * across, chord), scale(0.5 * along, t)
     column_0 = add_scaled((0.0 * length, s[2], -s[1]), q[0], e)  # of U chord^ / 2
@@ -193,7 +208,7 @@ def add_element(block, scratch, layout, element, pose_a, pose_b, motion_a, motio
     spins = add_tensors(turns, bends)
     mass = 1.0 / load(block, node_row(layout, None, element + 1) + SPATIAL.inverse_mass, lanes)
     heavy = add_tensors(positions, (mass, 0.0 * mass, mass, 0.0 * mass, 0.0 * mass, mass))
-    inertia = inertia_of(block, node_row(layout, None, element + 1), q_b, lanes)
+    inertia = inertia_of(block, node_row(layout, None, element + 1), pose_b[1], lanes)
     columns, loads = (column_0, column_1, column_2), (force, add(lever, moment))
     open_node(scratch, b, (heavy, columns, add_tensors(spins, inertia)), loads, lanes)
     if element > 0:

@@ -2,19 +2,11 @@
 
 from magrod_env._jit import inline_jit, jit
 from magrod_env._simd import load, store
-from magrod_env.rod.helical import helical_loads, helical_strain, helical_strain_rates
-from magrod_env.rod.layout import DAMPING, ELEMENT_ROWS, INVERSE_LENGTH, LENGTH, SPATIAL
-from magrod_env.rod.loads import (
-    element_loads,
-    load2,
-    load3,
-    load_motion,
-    load_pose,
-    node_row,
-    section_stiffness,
-    store3,
-)
-from magrod_env.rod.so3 import add, cross, matrix, rotate_back
+from magrod_env.rod.damping import damping_loads, world_motion
+from magrod_env.rod.helical import helical_strain
+from magrod_env.rod.layout import DAMPING, ELEMENT_ROWS, INVERSE_LENGTH
+from magrod_env.rod.loads import element_loads, load3, load_pose, node_row, store3
+from magrod_env.rod.so3 import add, cross, matrix, rotate_back, scale, subtract
 from magrod_env.rod.statics import make_room
 from magrod_env.rod.tangent import assemble, factorise, solve_factored
 
@@ -22,35 +14,16 @@ PARTS = 15  # rows of an element: force on a (world), torques on a and b (body),
 
 
 @inline_jit
-def spin_of(block, row, lanes):
-    """Angular velocity (body) of the node at ``row``."""
-    momentum = load_motion(block, row, lanes, None)[1]
-    axial, transverse = load2(block, row + SPATIAL.compliance, lanes)
-    return 2.0 * axial * momentum[0], 2.0 * transverse * momentum[1], 2.0 * transverse * momentum[2]
-
-
-@inline_jit
 def viscous_loads(block, layout, element, pose_a, pose_b, lanes):
-    """Loads of an element's internal damping: Kelvin-Voigt time times stiffness times rates of strain."""
-    row, row_a = layout.elements + ELEMENT_ROWS * element, node_row(layout, None, element)
-    row_b = node_row(layout, None, element + 1)
-    length, inverse_length = load(block, row + LENGTH, lanes), load(block, row + INVERSE_LENGTH, lanes)
-    axial, shear, bending, torsion, tilting, sway = section_stiffness(block, row, lanes, None)
-    gamma, phi, geometry = helical_strain(pose_a, pose_b, inverse_length)
-    gamma_rate, phi_rate = helical_strain_rates(
-        gamma,
-        phi,
-        geometry,
-        load3(block, row_a + SPATIAL.velocity, lanes),
-        spin_of(block, row_a, lanes),
-        load3(block, row_b + SPATIAL.velocity, lanes),
-        spin_of(block, row_b, lanes),
-        inverse_length,
-    )
-    time, sheared = load(block, DAMPING, lanes), shear * tilting / (shear + tilting)
-    stress = time * axial * gamma_rate[0], time * sheared * gamma_rate[1], time * sheared * gamma_rate[2]
-    moment = time * torsion * phi_rate[0], time * bending * phi_rate[1], time * bending * phi_rate[2]
-    return helical_loads(gamma, phi, geometry, stress, moment, length)
+    """Loads of an element's internal damping: world force on a, body torques on a and on b."""
+    row = layout.elements + ELEMENT_ROWS * element
+    motion_a = world_motion(block, node_row(layout, None, element), pose_a[1], lanes)
+    motion_b = world_motion(block, node_row(layout, None, element + 1), pose_b[1], lanes)
+    time = load(block, DAMPING, lanes)
+    _, _, (force, moment, lever) = damping_loads(block, row, pose_a, pose_b, motion_a, motion_b, time, lanes)
+    torque_a = rotate_back(matrix(pose_a[1], 2.0), subtract(moment, lever))
+    torque_b = rotate_back(matrix(pose_b[1], 2.0), scale(-1.0, add(moment, lever)))
+    return force, torque_a, torque_b
 
 
 @jit

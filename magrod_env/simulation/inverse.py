@@ -15,9 +15,11 @@ from magrod_env.simulation.errors import StabilityError
 from magrod_env.simulation.rods import Rods
 
 MOST_ITERATIONS = 40
-LARGEST_TURN = 0.5  # rad, about, by which one step may bend a rod
+LARGEST_TURN = 0.4  # rad, about, by which one step may bend a rod
 DAMPING = 1e-6  # of the square of the largest singular value: no step along directions that hardly move the point
 CLOSE = 0.1  # of the tolerance: near enough to stop
+WAYPOINTS, COARSE = 8, 0.02  # of a second approach, and how near to each, of the way
+LEAST_SHARE = 1e-4  # of a step
 STALLED = 1e-3  # of the distance: progress below which a target counts as out of reach
 
 
@@ -71,51 +73,99 @@ def inverse_statics(
     """Fields that hold a node of rods `which` (M,) at targets (M, 3) m, from fields `start` (M, 3) T on, none stronger
     than `limit` (T); see `Simulation.inverse_statics`.
 
-    Every target takes steps of its own: a step that brings its point no nearer, or loses stability, is halved.
+    Targets that are not reached at once are approached again from rest, along a straight line in WAYPOINTS pieces.
     """
-    fields, loads = start.copy(), np.zeros((len(targets), 12))
-    loads[:, :3] = _acting(rods, fields, which)
-    shapes = rods.equilibria(loads, which)
-    if not shapes.reached.all():
-        fields[~shapes.reached], loads[~shapes.reached] = 0.0, 0.0
-        shapes = rods.equilibria(loads, which)
-        if not shapes.reached.all():
-            from_rest = "rods must bear their own weight for inverse statics, but some buckle before any field acts: "
-            raise StabilityError(from_rest + "make the rod shorter or stiffer, or let it hang another way.")
-    misses = targets - shapes.positions[:, node]
-    shares, active = np.ones(len(targets)), np.linalg.norm(misses, axis=1) > CLOSE * tolerance
-    steps = np.zeros_like(fields)
-    fresh = active.copy()
-    for _ in range(MOST_ITERATIONS):
-        now = np.flatnonzero(active)
-        if not len(now):
-            break
-        new = np.flatnonzero(active & fresh)
-        if len(new):
-            slopes = static_jacobian(rods, which[new], _some(shapes, new), loads[new], (node,))[:, 0]
-            steps[new] = _least_steps(slopes, misses[new], rods, limit)
-        tried = fields[now] + shares[now, None] * steps[now]
+    search = _Search(rods, which, node, start, limit)
+    search.approach(targets, np.arange(len(targets)), tolerance)
+    missed = np.flatnonzero(search.distances(targets) > tolerance)
+    if len(missed):
+        again = _Search(rods, which[missed], node, np.zeros((len(missed), 3)), limit)
+        rest, every = again.points.copy(), np.arange(len(missed))
+        for k in range(1, WAYPOINTS + 1):
+            goals = rest + k / WAYPOINTS * (targets[missed] - rest)
+            again.approach(goals, every, tolerance if k == WAYPOINTS else COARSE * np.abs(goals - rest).max())
+        better = again.distances(targets[missed]) < search.distances(targets)[missed]
+        search.take(missed[better], again, better)
+    distances = search.distances(targets)
+    return InverseStatics(search.fields, distances <= tolerance, distances, search.points)
+
+
+class _Search:
+    """Equilibria of rods `which` (M,) in fields that are moved until a node is at a target."""
+
+    def __init__(self, rods: Rods, which: np.ndarray, node: int, start: np.ndarray, limit: float) -> None:
+        self.rods, self.which, self.node, self.limit = rods, which, node, limit
+        self.fields, self.loads = start.copy(), np.zeros((len(which), 12))
+        self.loads[:, :3] = _acting(rods, self.fields, which)
+        self.shapes = rods.equilibria(self.loads, which)
+        lost = ~self.shapes.reached
+        if lost.any():
+            self.fields[lost], self.loads[lost] = 0.0, 0.0
+            self.shapes = rods.equilibria(self.loads, which)
+        if not self.shapes.reached.all():
+            raise StabilityError(
+                "rods must bear their own weight for inverse statics, but some buckle before any field acts: make the "
+                "rod shorter or stiffer, or let it hang another way."
+            )
+
+    @property
+    def points(self) -> np.ndarray:
+        """Where the node is, m, (M, 3)."""
+        return self.shapes.positions[:, self.node]
+
+    def distances(self, targets: np.ndarray) -> np.ndarray:
+        """From the node to targets (M, 3) m, (M,)."""
+        return np.linalg.norm(targets - self.points, axis=1)
+
+    def take(self, which: np.ndarray, other: _Search, theirs: np.ndarray) -> None:
+        """Take over what another search has found."""
+        self.fields[which] = other.fields[theirs]
+        for part, new in zip(self.shapes, other.shapes, strict=True):
+            part[which] = new[theirs]
+
+    def approach(self, targets: np.ndarray, active: np.ndarray, tolerance: float) -> None:
+        """Move the fields of the searches `active` until their nodes are nearer than the tolerance, or come no nearer.
+
+        Every target takes Gauss-Newton steps of its own; one that brings its point no nearer, or loses stability, is
+        cut to a quarter.
+        """
+        steps, shares, fresh = np.zeros_like(self.fields), np.ones(len(targets)), np.ones(len(targets), bool)
+        active = active[self.distances(targets)[active] > CLOSE * tolerance]
+        for _ in range(MOST_ITERATIONS):
+            if not len(active):
+                return
+            new = active[fresh[active]]
+            if len(new):
+                steps[new] = self._steps(targets, new)
+            far, before = self._try(targets, active, shares[active, None] * steps[active])
+            better = far < before
+            shares[active] = np.where(better, np.minimum(1.0, 2.0 * shares[active]), 0.25 * shares[active])
+            fresh[active] = better
+            done = better & ((far <= CLOSE * tolerance) | (far > (1.0 - STALLED) * before))
+            active = active[~(done | (shares[active] < LEAST_SHARE))]
+
+    def _steps(self, targets: np.ndarray, new: np.ndarray) -> np.ndarray:
+        shapes = _some(self.shapes, new)
+        slopes = static_jacobian(self.rods, self.which[new], shapes, self.loads[new], (self.node,))[:, 0]
+        return _least_steps(slopes, targets[new] - self.points[new], self.rods, self.limit)
+
+    def _try(self, targets: np.ndarray, active: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Take the steps that bring points nearer; distances after each, infinite where stability is lost, and before."""
+        tried = self.fields[active] + steps
         size = np.linalg.norm(tried, axis=1, keepdims=True)
-        tried *= np.minimum(1.0, limit / np.maximum(size, 1e-300))
-        trial = loads[now].copy()
-        trial[:, :3] = _acting(rods, tried, which[now])
-        found = rods.equilibria(trial, which[now], _some(shapes, now))
-        miss = targets[now] - found.positions[:, node]
-        far, before = np.linalg.norm(miss, axis=1), np.linalg.norm(misses[now], axis=1)
-        better = found.reached & (far < before)
-        for k, good in zip(now, better, strict=True):
-            shares[k] = min(1.0, 2.0 * shares[k]) if good else 0.25 * shares[k]
-        accepted = now[better]
-        fields[accepted], loads[accepted], misses[accepted] = tried[better], trial[better], miss[better]
-        for old, fresh_shapes in zip(shapes, found, strict=True):
-            old[accepted] = fresh_shapes[better]
-        fresh[now] = better
-        slow = better & (far > (1.0 - STALLED) * before)
-        done = (better & (far <= CLOSE * tolerance)) | slow | (shares[now] < 1e-4)
-        active[now[done]] = False
-    positions = shapes.positions[:, node].copy()
-    distances = np.linalg.norm(targets - positions, axis=1)
-    return InverseStatics(fields, distances <= tolerance, distances, positions)
+        tried *= np.minimum(1.0, self.limit / np.maximum(size, 1e-300))
+        loads = self.loads[active].copy()
+        loads[:, :3] = _acting(self.rods, tried, self.which[active])
+        found = self.rods.equilibria(loads, self.which[active], _some(self.shapes, active))
+        before = self.distances(targets)[active]
+        far = np.linalg.norm(targets[active] - found.positions[:, self.node], axis=1)
+        far = np.where(found.reached, far, np.inf)
+        better = far < before
+        accepted = active[better]
+        self.fields[accepted], self.loads[accepted] = tried[better], loads[better]
+        for part, new in zip(self.shapes, found, strict=True):
+            part[accepted] = new[better]
+        return far, before
 
 
 def _acting(rods: Rods, fields: np.ndarray, which: np.ndarray) -> np.ndarray:

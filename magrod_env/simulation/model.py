@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from magrod_env.rod.equilibrium import StaticModel
+from magrod_env.rod.layout import DAMPING
 from magrod_env.rod.mesh import split_elements
 from magrod_env.rod.parameters import RodParameters
 from magrod_env.scene import Scene
@@ -42,6 +43,7 @@ class RodModel:
         self.terms = scene_terms(scene, rotary_scaling)
         self.counts = split_elements(self.values.ends, num_elements)
         self.static = StaticModel(self.values, self.counts, self.segments, self.nodal, scene.gravity)
+        self.static.column[DAMPING] = self.terms["internal_damping"] or 0.0
         self._extreme = lru_cache(maxsize=64)(self._make_extreme)
 
     def nominal(self, num_rods: int) -> RodParameters:

@@ -533,7 +533,7 @@ class Simulation:
 
     def _as_felt(self, case: Equilibrium, rod: int) -> Equilibrium:
         field, gradient = self._felt(case.field, case.gradient, rod)
-        return dataclasses.replace(case, field=field, gradient=gradient)
+        return dataclasses.replace(case, field=field, gradient=np.zeros((3, 3)) if gradient is None else gradient)
 
     def _check_start(self, start: Equilibrium, rod: int = 0) -> None:
         if not start.reached:
