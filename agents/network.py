@@ -10,6 +10,7 @@ from typing import Any
 
 import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.type_aliases import Schedule
 from torch import nn
 
 
@@ -51,11 +52,11 @@ class SkipPolicy(ActorCriticPolicy):
     def _build_mlp_extractor(self) -> None:
         self.mlp_extractor = SkipExtractor(self.features_dim, self.hidden)  # type: ignore[assignment]
 
-    def _build(self, lr_schedule: Any) -> None:
+    def _build(self, lr_schedule: Schedule) -> None:
         super()._build(lr_schedule)
         with torch.no_grad():
             for axis, entry in enumerate(self.field_entries):
-                self.action_net.weight[axis, self.hidden + entry] = 1.0
+                self.action_net.weight[axis, self.hidden + entry] = 1.0  # type: ignore[operator]
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
         return super()._get_constructor_parameters() | {"hidden": self.hidden, "field_entries": self.field_entries}

@@ -6,19 +6,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from agents.rollout import REAL_RODS, evaluate, table
+from agents.rollout import REAL_RODS, Envs, core_of, evaluate, table
 
 
-def _rounds(envs: Any) -> np.ndarray:
+def _known(values: np.ndarray | None) -> np.ndarray:
+    """Points or fields of a path."""
+    if values is None:
+        raise ValueError("envs must follow a path, but got a task without one: try Circle.")
+    return values
+
+
+def _rounds(envs: Envs) -> np.ndarray:
     """Where on its path each environment's target will be in the middle of the next control step, in rounds,
     (num_envs,).
     """
-    core = envs.unwrapped.core
-    points, rate = len(core.task.path), core.task.targets.rate
+    core = core_of(envs)
+    points, rate = len(_known(core.task.path)), core.task.targets.rate
     ahead = (core.episodes.steps + 0.5) * core.control_time
     return (core.episodes.place[:, 0] + rate * ahead) / points
 
@@ -34,22 +40,22 @@ class RotatingField:
     rotating: float = 14.5e-3
     lead: float = 0.0
 
-    def __call__(self, observations: np.ndarray, envs: Any) -> np.ndarray:
+    def __call__(self, observations: np.ndarray, envs: Envs) -> np.ndarray:
         """Actions (num_envs, 2)."""
         angle = 2.0 * np.pi * _rounds(envs) + self.lead
         field = self.rotating * np.stack([np.zeros_like(angle), np.cos(angle), np.sin(angle)], axis=1)
         field[:, 2] += self.compensation
-        return envs.unwrapped.core.coils.fraction(field)
+        return core_of(envs).coils.fraction(field)
 
 
 @dataclass
 class InverseStatics:
     """The field in whose static equilibrium the nominal rod lies on its path; knows the model, sees nothing."""
 
-    def __call__(self, observations: np.ndarray, envs: Any) -> np.ndarray:
+    def __call__(self, observations: np.ndarray, envs: Envs) -> np.ndarray:
         """Actions (num_envs, num_axes)."""
-        core = envs.unwrapped.core
-        fields = core.task.fields
+        core = core_of(envs)
+        fields = _known(core.task.fields)
         at = (_rounds(envs) % 1.0) * len(fields)
         first, share = at.astype(int) % len(fields), (at % 1.0)[:, None]
         return core.coils.fraction((1.0 - share) * fields[first] + share * fields[(first + 1) % len(fields)])
@@ -57,10 +63,10 @@ class InverseStatics:
 
 def main() -> None:
     """Evaluate both controllers."""
-    for title, settings in (("nominal rod", {}), ("randomised rods", {"randomization": REAL_RODS})):
+    for title, rods in (("nominal rod", None), ("randomised rods", REAL_RODS)):
         results = [
-            evaluate("rotating field", RotatingField(), "MagRod/Circle-v0", **settings),
-            evaluate("inverse statics", InverseStatics(), "MagRod/Circle-v0", **settings),
+            evaluate("rotating field", RotatingField(), "MagRod/Circle-v0", randomization=rods),
+            evaluate("inverse statics", InverseStatics(), "MagRod/Circle-v0", randomization=rods),
         ]
         print(f"\n{title}: tip error, mm\n{table(results)}")
 
