@@ -168,6 +168,11 @@ def test_least_time_is_that_of_one_call():
     assert 0.0 < seconds < 1e-3 and len(calls) >= 4
 
 
+def test_scripts_import_nothing_from_tests():
+    for path in (ROOT / "scripts").rglob("*.py"):
+        assert "import tests" not in path.read_text() and "from tests" not in path.read_text(), path
+
+
 PAGES = ("speed", "precision", "reproduction", "tolerance", "stability", "estimation")
 
 

@@ -225,9 +225,9 @@ def wall(simulation: Simulation, trial: Trial, repeats: int) -> float | None:
     return least / trial.duration / simulation.num_rods
 
 
-def independent(name: str) -> np.ndarray | None:
-    """Tip (SAMPLES, 3) m by the independent spectral solver; None where there is none."""
-    return stored().get(f"{name}_tip")
+def independent(name: str) -> np.ndarray:
+    """Tip (SAMPLES, 3) m by the independent spectral solver."""
+    return stored()[f"{name}_tip"]
 
 
 def own_finest(trial: Trial) -> np.ndarray:

@@ -38,8 +38,6 @@ class Args(FigureOptions):
     """m; 1e-3, 1e-4 and, unless quick, 1e-5 where nothing is said"""
     budget: float = 2e8
     """element-steps (of one rod, 2 s) that a reference may take; 1e8 are about half a minute"""
-    spectral: int = 0
-    """references at 1e-4 m to check by the independent solver, minutes each; needs SciPy"""
     resume: Path | None = None
     """where to keep results as lines of JSON, and what is measured already"""
 
@@ -149,37 +147,19 @@ def prices(report: Report, records: list[Record]) -> None:
             table.add(*row, *quantiles(times, *three), *quantiles(relative, 0.5))
 
 
-def references(report: Report, records: list[Record], spectral: int) -> None:
+def references(report: Report, records: list[Record]) -> None:
     """How far the references themselves may be off."""
     with report.table(
         "references",
         "References: RMS distance of the tip to a better one",
         "tolerance, m | scene | family | against | distance, m | over the tolerance",
         "Finer: half as many elements more, a quarter of the conditioning or half the implicit step. Explicit: "
-        "as many elements, with explicit steps and no conditioning, against implicit ones. Independent: spectral "
-        "elements.",
+        "as many elements, with explicit steps and no conditioning, against implicit ones.",
     ) as table:
-        told = [
-            (each, name, off) for each in records for name, off in (("finer", each.doubt), ("explicit", each.apart))
-        ]
-        told += [(each, "independent", _independent(each)) for each in list(filter(_simple, records))[:spectral]]
-        for each, name, off in told:
-            if off is not None:
-                table.add(each.tolerance, each.index, each.family, name, off, off / each.tolerance)
-
-
-def _independent(record: Record) -> float:
-    """Distance, m, of the reference from the independent solver."""
-    trial = make_trial(record.seed, record.index)
-    reference = one.finer(trial, one.simulate(trial, tolerance=record.tolerance))
-    return 1e-3 * one.spectral_distance(trial, one.tips(reference, trial.fields)[:, 0])
-
-
-def _simple(record: Record) -> bool:
-    """Whether the independent solver has all that the scene has, and is not too slow."""
-    scene = make_trial(record.seed, record.index).scene
-    known = record.num_magnets == 1 and scene.spin_drag_rate is None
-    return known and record.outcome == "measured" and record.tolerance == 1e-4 and scene.rod.youngs_modulus < 20e6
+        for each in records:
+            for name, off in (("finer", each.doubt), ("explicit", each.apart)):
+                if off is not None:
+                    table.add(each.tolerance, each.index, each.family, name, off, off / each.tolerance)
 
 
 def draw(records: list[Record], path: Path) -> Path:
@@ -205,7 +185,7 @@ def measure(args: Args) -> Report:
     promises(report, records)
     broken(report, records)
     prices(report, records)
-    references(report, records, args.spectral)
+    references(report, records)
     if args.figures is not None:
         report.figures["promises"] = draw(records, args.figures / "tolerance.png")
     return report

@@ -10,17 +10,15 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from tqdm import tqdm
 
 from magrod_env import Simulation
 from magrod_env.integrator import cost_rate, implicit_schemes
 from magrod_env.search import LADDER, STEPS, cheapest_pair
 from scripts.common import run
-from scripts.common.run import Options, rms, samples, whole_steps
+from scripts.common.run import Options, samples, whole_steps
 from scripts.tolerance.scenes import CONTROL_TIME, DURATION, NUM_RODS, Trial
 
 if TYPE_CHECKING:
@@ -242,25 +240,3 @@ def _cheapest(
         if found is not None:
             best, least = Options(integrator=name, num_elements=found[0], **found[1]), price(*found)  # type: ignore
     return best, None if best is None else least
-
-
-def spectral_distance(trial: Trial, truth: np.ndarray, elements: int = 4, degree: int = 6) -> float:
-    """RMS distance, mm, of the first rod's tip to that of the independent solver, `scripts.reference`.
-
-    ``truth`` (num_times, 3) m is the tip that is checked. The rod must be round, with one magnet and no spin drag.
-    """
-    from scipy.integrate import solve_ivp  # only the test extra has it
-
-    from scripts.reference import case_of
-    from scripts.reference.spectral_rod import Mesh
-
-    held, length = [np.zeros(3)], trial.scene.rod.length
-    case = case_of(trial.scene, lambda at: held[0])
-    mesh = Mesh(case, degree, tuple(length * np.arange(1, elements) / elements))
-    state, found, step = mesh.straight, [], 1e-6
-    for k, (start, stop) in enumerate(pairwise(tqdm(samples(DURATION, CONTROL_TIME), desc="independent", leave=False))):
-        held[0] = trial.fields[k, 0]
-        done = solve_ivp(mesh.rate, (start, stop), state, "DOP853", rtol=1e-6, atol=1e-8, first_step=step)
-        state, step = done.y[:, -1], 0.9 * min(float(np.median(np.diff(done.t))), CONTROL_TIME)
-        found.append(mesh.split(state)[0][-1].copy())
-    return rms(np.array(found), truth)
