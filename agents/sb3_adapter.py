@@ -9,10 +9,11 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
 import magrod_env  # noqa: F401  (registers the ids)
 
-_NOTHING: dict[str, Any] = {}
+_NOTHING: dict[str, object] = {}
 
 
 class BatchedVecEnv(VecEnv):
@@ -37,7 +38,7 @@ class BatchedVecEnv(VecEnv):
         self._first_seed = seed
         return [None if seed is None else seed + i for i in range(self.num_envs)]
 
-    def reset(self) -> Any:
+    def reset(self) -> VecEnvObs:
         """Begin new episodes in all environments."""
         observations, _ = self.env.reset(seed=self._first_seed)
         self._first_seed = None
@@ -50,7 +51,7 @@ class BatchedVecEnv(VecEnv):
         """Keep the actions for `step_wait`."""
         self._actions = actions
 
-    def step_wait(self) -> tuple[Any, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+    def step_wait(self) -> VecEnvStepReturn:
         """Step the batch; only environments whose episode ended get an info of their own."""
         observations, rewards, terminated, truncated, info = self.env.step(self._actions)
         done = terminated | truncated
@@ -79,21 +80,23 @@ class BatchedVecEnv(VecEnv):
         """Close the batch."""
         self.env.close()
 
-    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """The batch's attribute, once for each environment asked for."""
         return [getattr(self.env, attr_name)] * len(self._indices(indices))
 
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+    def set_attr(self, attr_name: str, value: object, indices: VecEnvIndices = None) -> None:
         """Set an attribute of the batch."""
         setattr(self.env, attr_name, value)
 
-    def env_method(self, method_name: str, *arguments: Any, indices: Any = None, **keywords: Any) -> list[Any]:
+    def env_method(
+        self, method_name: str, *arguments: object, indices: VecEnvIndices = None, **keywords: object
+    ) -> list[Any]:
         """Call a method of the batch once and repeat its result."""
         return [getattr(self.env, method_name)(*arguments, **keywords)] * len(self._indices(indices))
 
-    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+    def env_is_wrapped(self, wrapper_class: type[gymnasium.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
         """No wrapper lies around a single environment of the batch."""
         return [False] * len(self._indices(indices))
 
-    def _indices(self, indices: Any) -> list[int]:
+    def _indices(self, indices: VecEnvIndices) -> list[int]:
         return list(self._get_indices(indices))

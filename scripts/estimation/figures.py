@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from scripts.common.figure import COLOURS, figure, legend_below
 from scripts.estimation.studies import WAYS, Figures
 from scripts.estimation.tables import Found, numbers
-from scripts.estimation.twins import CASES
+from scripts.estimation.twins import CASES, Case
 from scripts.reproduction.experiments import EXPERIMENTS
 
 OF_WAYS = {
@@ -61,7 +60,7 @@ def errors(found: Found, truth: str, path: Path) -> Path:
     return path
 
 
-def work(found: list[tuple[Any, str, str, Any, Figures]], path: Path) -> Path:
+def work(found: list[tuple[Case, str, str, int | str, Figures]], path: Path) -> Path:
     """Error against speed, one panel an experiment, a line for each quantity that is varied."""
     cases = list(dict.fromkeys(case for case, *_ in found))
     with figure(path, (5.6 * len(cases), 5.8)) as drawn:
@@ -84,7 +83,7 @@ def work(found: list[tuple[Any, str, str, Any, Figures]], path: Path) -> Path:
     return path
 
 
-def trouble(found: list[tuple[Any, str, str, Figures]], path: Path) -> Path:
+def trouble(found: list[tuple[Case, str, str, Figures]], path: Path) -> Path:
     """Tip error against time under each trouble."""
     cases, names = list(dict.fromkeys(c for c, *_ in found)), list(dict.fromkeys(n for _, n, *_ in found))
     names = [name for name in names if name != "none"] or names

@@ -163,9 +163,9 @@ def why(runs: Runs) -> list[tuple[Case, float, int, float | None, str, Figures]]
     ]
 
 
-def work(runs: Runs) -> list[tuple[Case, str, str, Any, Figures]]:
+def work(runs: Runs) -> list[tuple[Case, str, str, int | str, Figures]]:
     """Error and speed of one filter on one core, against members, elements and frame rate; case, way, what, value."""
-    settings: list[tuple[str, str, Any, dict[str, Any]]] = [
+    settings: list[tuple[str, str, int | str, dict[str, Any]]] = [
         ("ensemble", "members", count, {"options": {"num_members": count}}) for count in MEMBERS
     ]
     settings.append(("ensemble", "float32, members", 64, {"options": {"precision": "float32"}}))

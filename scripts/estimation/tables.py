@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from magrod_env.scenes import ReportedError
 from scripts.common.report import Report
 from scripts.estimation.studies import POLYMER, WAYS, Figures
@@ -43,7 +41,9 @@ def _axes(case: Case, error: ReportedError) -> tuple[str, ...]:
 Found = dict[tuple[int, str, str], Figures]
 
 
-def over(found: Found, number: int, way: str, kind: str, point: str, axis: str, truths: str = "helical") -> Any:
+def over(
+    found: Found, number: int, way: str, kind: str, point: str, axis: str, truths: str = "helical"
+) -> float | None:
     """A figure over the truths of an element, or of one by its name: mean of means, largest of all; None if unknown."""
     those = [
         run[kind][POINTS.index(point)][AXES.index(axis)]
@@ -180,7 +180,7 @@ def trouble(report: Report, found: list[tuple[Case, str, str, Figures]]) -> None
             table.add(case.number, name, *(cell(run) for c, n, _, run in found if (c, n) == (case, name)))
 
 
-def work(report: Report, found: list[tuple[Case, str, str, Any, Figures]]) -> None:
+def work(report: Report, found: list[tuple[Case, str, str, int | str, Figures]]) -> None:
     """Error against run time of the filters."""
     with report.table(
         "work",

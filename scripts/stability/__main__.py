@@ -48,7 +48,7 @@ def measure(args: Args) -> Report:
     report = Report("scripts.stability", args.quick, "stability.md")
     if args.replay is not None:
         replay(args.replay, args.quick)
-        return report
+        raise SystemExit
     wanted = (*FIGURES, "commands") if args.part == "all" else (args.part,)
     if "bound" in wanted:
         bound(report, args.quick)
