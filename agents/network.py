@@ -56,7 +56,7 @@ class SkipPolicy(ActorCriticPolicy):
         super()._build(lr_schedule)
         with torch.no_grad():
             for axis, entry in enumerate(self.field_entries):
-                self.action_net.weight[axis, self.hidden + entry] = 1.0
+                self.action_net.weight[axis, self.hidden + entry] = 1.0  # type: ignore[operator]
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
         return super()._get_constructor_parameters() | {"hidden": self.hidden, "field_entries": self.field_entries}

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.rollout import REAL_RODS, Environment, evaluate, table
+from agents.rollout import REAL_RODS, Envs, evaluate, table
 from magrod_env.envs import attributes_of
 
 MIDDLE = 0.5  # control steps: when, in the next one, the target is looked at
@@ -26,7 +26,7 @@ class RotatingField:
     rotating: float = 14.5e-3
     lead: float = 0.0
 
-    def __call__(self, observations: np.ndarray, envs: Environment) -> np.ndarray:
+    def __call__(self, observations: np.ndarray, envs: Envs) -> np.ndarray:
         """Actions (num_envs, 2)."""
         rods = attributes_of(envs)
         angle = 2.0 * np.pi * rods.phase(MIDDLE) + self.lead
@@ -39,7 +39,7 @@ class RotatingField:
 class InverseStatics:
     """The field in whose static equilibrium the nominal rod lies on its path; knows the model, sees nothing."""
 
-    def __call__(self, observations: np.ndarray, envs: Environment) -> np.ndarray:
+    def __call__(self, observations: np.ndarray, envs: Envs) -> np.ndarray:
         """Actions (num_envs, num_axes)."""
         rods = attributes_of(envs)
         fields = rods.task.fields
@@ -52,10 +52,10 @@ class InverseStatics:
 
 def main() -> None:
     """Evaluate both controllers."""
-    for title, settings in (("nominal rod", {}), ("randomised rods", {"randomization": REAL_RODS})):
+    for title, rods in (("nominal rod", None), ("randomised rods", REAL_RODS)):
         results = [
-            evaluate("rotating field", RotatingField(), "MagRod/Circle-v0", **settings),
-            evaluate("inverse statics", InverseStatics(), "MagRod/Circle-v0", **settings),
+            evaluate("rotating field", RotatingField(), "MagRod/Circle-v0", randomization=rods),
+            evaluate("inverse statics", InverseStatics(), "MagRod/Circle-v0", randomization=rods),
         ]
         print(f"\n{title}: tip error, mm\n{table(results)}")
 

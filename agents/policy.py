@@ -7,14 +7,16 @@ import zipfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from agents.run_folder import write_whole
 
-if TYPE_CHECKING:  # policies need no torch
-    from stable_baselines3 import PPO
+if TYPE_CHECKING:
+    from stable_baselines3.common.base_class import BaseAlgorithm
+
+    from agents.network import SkipPolicy
 
 
 @dataclass(frozen=True)
@@ -68,11 +70,11 @@ class Policy:
 
     def save(self, path: Path, **facts: str) -> None:
         """Write weights as float32, with facts about how they were made, to a .npz file."""
-        arrays: dict[str, Any] = {f"fact_{name}": np.array(text) for name, text in facts.items()}
+        arrays: dict[str, np.ndarray] = {f"fact_{name}": np.array(text) for name, text in facts.items()}
         for k, (weights, biases) in enumerate(self.layers):
             arrays[f"weights_{k}"], arrays[f"biases_{k}"] = weights.astype(np.float32), biases.astype(np.float32)
         buffer = io.BytesIO()
-        np.savez_compressed(buffer, **arrays)
+        np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
         write_whole(Path(path), buffer.getvalue())
 
     @classmethod
@@ -95,10 +97,13 @@ class Policy:
             ) from None
 
     @classmethod
-    def of_sb3(cls, model: PPO) -> Policy:
+    def of_sb3(cls, model: BaseAlgorithm) -> Policy:
         """The deterministic policy of a Stable-Baselines3 model with `agents.network.SkipPolicy`."""
-        linear = [layer for layer in model.policy.mlp_extractor.policy_net if hasattr(layer, "weight")]
-        linear.append(model.policy.action_net)
+        from torch import nn
+
+        policy = cast("SkipPolicy", model.policy)
+        linear = [layer for layer in policy.mlp_extractor.policy_net if isinstance(layer, nn.Linear)]
+        linear.append(cast("nn.Linear", policy.action_net))
         return cls(
             tuple(
                 (layer.weight.detach().cpu().numpy().astype(float), layer.bias.detach().cpu().numpy().astype(float))

@@ -24,7 +24,7 @@ from stable_baselines3.common.callbacks import BaseCallback, CallbackList, Progr
 from agents.command_line import one_sentence
 from agents.network import SkipPolicy
 from agents.policy import Policy
-from agents.rollout import HEADER, REAL_RODS, check_env_id, evaluate, table
+from agents.rollout import HEADER, REAL_RODS, EnvSettings, check_env_id, evaluate, table
 from agents.run_folder import (
     checkpoint_path,
     load_newest,
@@ -139,9 +139,9 @@ class TipErrors(BaseCallback):
         return True
 
 
-def settings_of(args: Args) -> dict[str, Any]:
+def settings_of(args: Args) -> EnvSettings:
     """Arguments of the environment."""
-    settings: dict[str, Any] = {"precision": args.precision}
+    settings: EnvSettings = {"precision": args.precision}
     if args.randomized:
         settings["randomization"] = REAL_RODS
     return settings
@@ -354,7 +354,7 @@ def load_args(folder: Path) -> Args:
             "restore it, or start a new run."
         )
     arguments["folder"] = None if arguments["folder"] is None else Path(str(arguments["folder"]))
-    return Args(**arguments | {"resume": None})
+    return Args(**arguments | {"resume": None})  # type: ignore[arg-type]
 
 
 def main(description: str | None = __doc__) -> None:

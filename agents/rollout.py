@@ -5,14 +5,33 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, TypeAlias, TypedDict
 
 import gymnasium
 import numpy as np
+from gymnasium.vector import VectorEnv
 from tqdm import tqdm
 
 import magrod_env  # noqa: F401  (registers the ids)
-from magrod_env.envs import Randomization, attributes_of
+from magrod_env.envs import Camera, Randomization, attributes_of
+from magrod_env.envs.core import SteeringCore
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+Envs: TypeAlias = gymnasium.Env | VectorEnv
+
+
+class EnvSettings(TypedDict, total=False):
+    """Arguments of an environment."""
+
+    precision: str
+    randomization: Randomization | None
+    camera: Camera | None
+    observe: str
+    num_elements: int
+    random_start: bool
+
 
 REAL_RODS = Randomization(
     modulus=0.2,
@@ -28,9 +47,13 @@ REAL_RODS = Randomization(
 alignment.
 """
 
-Environment = gymnasium.Env | gymnasium.vector.VectorEnv
-Controller = Callable[[np.ndarray, Environment], np.ndarray]
-"""From observations (num_envs, size) and the environment, single or vector, to actions (num_envs, num_axes)."""
+Controller = Callable[[np.ndarray, Envs], np.ndarray]
+"""From observations (num_envs, size) and the vector environment to actions (num_envs, num_axes)."""
+
+
+def core_of(envs: Envs) -> SteeringCore:
+    """What the environments of this package share: rods, task, coils."""
+    return envs.unwrapped.core  # type: ignore[union-attr]
 
 
 @dataclass(frozen=True)
@@ -70,7 +93,13 @@ def check_env_id(env_id: str) -> None:
 
 
 def evaluate(
-    name: str, controller: Controller, env_id: str, *, num_episodes: int = 64, seed: int = 1_000_000, **settings: Any
+    name: str,
+    controller: Controller,
+    env_id: str,
+    *,
+    num_episodes: int = 64,
+    seed: int = 1_000_000,
+    **settings: Unpack[EnvSettings],
 ) -> Result:
     """One episode on each of `num_episodes` environments, seeded seed, seed + 1, ...; errors until an episode ends."""
     steps = gymnasium.spec(env_id).max_episode_steps or 300

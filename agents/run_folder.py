@@ -9,7 +9,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 Model = TypeVar("Model")
 ARGUMENTS, PARTIAL = "args.json", ".partial"
@@ -37,12 +37,12 @@ def _umask() -> int:
     return mask
 
 
-def write_arguments(folder: Path, arguments: dict[str, Any]) -> None:
+def write_arguments(folder: Path, arguments: dict[str, object]) -> None:
     """Write the arguments of a run as JSON, paths as text."""
     write_whole(folder / ARGUMENTS, (json.dumps(arguments, indent=2, default=str) + "\n").encode())
 
 
-def read_arguments(folder: Path) -> dict[str, Any]:
+def read_arguments(folder: Path) -> dict[str, object]:
     """The arguments of the run in a folder.
 
     Raises:

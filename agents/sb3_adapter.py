@@ -9,11 +9,11 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv
-from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
 import magrod_env  # noqa: F401  (registers the ids)
 
-_NOTHING: dict[str, Any] = {}
+_NOTHING: dict[str, object] = {}
 
 
 class BatchedVecEnv(VecEnv):
@@ -38,7 +38,7 @@ class BatchedVecEnv(VecEnv):
         self._first_seed = seed
         return [None if seed is None else seed + i for i in range(self.num_envs)]
 
-    def reset(self) -> np.ndarray | dict[str, np.ndarray]:
+    def reset(self) -> VecEnvObs:
         """Begin new episodes in all environments."""
         observations, _ = self.env.reset(seed=self._first_seed)
         self._first_seed = None
@@ -51,7 +51,7 @@ class BatchedVecEnv(VecEnv):
         """Keep the actions for `step_wait`."""
         self._actions = actions
 
-    def step_wait(self) -> tuple[np.ndarray | dict[str, np.ndarray], np.ndarray, np.ndarray, list[dict[str, Any]]]:
+    def step_wait(self) -> VecEnvStepReturn:
         """Step the batch; only environments whose episode ended get an info of their own."""
         observations, rewards, terminated, truncated, info = self.env.step(self._actions)
         done = terminated | truncated
@@ -84,12 +84,12 @@ class BatchedVecEnv(VecEnv):
         """The batch's attribute, once for each environment asked for."""
         return [getattr(self.env, attr_name)] * len(self._indices(indices))
 
-    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+    def set_attr(self, attr_name: str, value: object, indices: VecEnvIndices = None) -> None:
         """Set an attribute of the batch."""
         setattr(self.env, attr_name, value)
 
     def env_method(
-        self, method_name: str, *arguments: Any, indices: VecEnvIndices = None, **keywords: Any
+        self, method_name: str, *arguments: object, indices: VecEnvIndices = None, **keywords: object
     ) -> list[Any]:
         """Call a method of the batch once and repeat its result."""
         return [getattr(self.env, method_name)(*arguments, **keywords)] * len(self._indices(indices))

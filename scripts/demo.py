@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import gymnasium
-import matplotlib
 import numpy as np
 import tyro
 from tqdm import tqdm
@@ -18,10 +17,8 @@ from tqdm import tqdm
 import magrod_env  # noqa: F401  (registers the ids)
 from agents.rollout import REAL_RODS, Controller, Result, evaluate, table
 from magrod_env.rendering.video import write_video
+from scripts.common.figure import figure
 from scripts.evaluate import WEIGHTS, controllers
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 
 ENV_ID = "MagRod/Circle-v0"
 COLORS = ("#8a8f98", "#2a7f9e", "#d1603d")
@@ -50,37 +47,34 @@ def film(controller: Controller, seed: int) -> tuple[list[np.ndarray], np.ndarra
     env = gymnasium.make(ENV_ID, render_mode="rgb_array", randomization=REAL_RODS)
     observation, _ = env.reset(seed=seed)
     frames, tips, targets = [], [], []
-    for _ in tqdm(range(gymnasium.spec(ENV_ID).max_episode_steps), desc="filming", leave=False, disable=None):
+    for _ in tqdm(range(gymnasium.spec(ENV_ID).max_episode_steps or 0), desc="filming", leave=False, disable=None):
         observation, _, _, _, info = env.step(controller(observation[None], env)[0])
         tips.append(info["tip_position"])
         targets.append(info["target"])
-        frames.append(env.render())
+        frames.append(np.asarray(env.render()))
     return frames, np.array(tips), np.array(targets)
 
 
 def draw(results: list[Result], tracks: dict[str, tuple[np.ndarray, np.ndarray]], path: Path) -> None:
     """Tracks across the rod, error against time, and the spread of errors over the rods."""
-    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained")
-    target = next(iter(tracks.values()))[1]
-    left.plot(*(1e3 * target[:, 1:].T), color="black", lw=1, ls=":", label="target")
-    for color, (name, (tip, _)) in zip(COLORS, tracks.items()):
-        left.plot(*(1e3 * tip[:, 1:].T), color=color, lw=1.2, label=name)
-    left.set(xlabel="y (mm)", ylabel="z (mm)", title="one rod: path of the tip", aspect="equal")
-    left.legend(loc="center", fontsize=8, frameon=False)
-    for color, result in zip(COLORS, results):
-        seconds = 0.02 * np.arange(1, result.errors.shape[1] + 1)
-        middle.plot(seconds, 1e3 * np.median(result.errors, axis=0), color=color, label=result.name)
-        middle.fill_between(
-            seconds, *(1e3 * np.percentile(result.errors, (10, 90), axis=0)), color=color, alpha=0.15, lw=0
-        )
-    middle.set(xlabel="time (s)", ylabel="tip error (mm)", title="all rods: median, 10-90 %", ylim=(0, None))
-    right.boxplot(
-        [1e3 * result.errors.mean(axis=1) for result in results], tick_labels=[r.name for r in results], whis=(0, 100)
-    )
-    right.set(ylabel="mean tip error (mm)", title="one value a rod", ylim=(0, None))
-    right.tick_params(axis="x", labelsize=8)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    with figure(path, (13, 4.2)) as drawn:
+        left, middle, right = drawn.subplots(1, 3)
+        target = next(iter(tracks.values()))[1]
+        left.plot(*(1e3 * target[:, 1:].T), color="black", lw=1, ls=":", label="target")
+        for color, (name, (tip, _)) in zip(COLORS, tracks.items()):
+            left.plot(*(1e3 * tip[:, 1:].T), color=color, lw=1.2, label=name)
+        left.set(xlabel="y (mm)", ylabel="z (mm)", title="one rod: path of the tip", aspect="equal")
+        left.legend(loc="center", fontsize=8, frameon=False)
+        for color, result in zip(COLORS, results):
+            seconds = 0.02 * np.arange(1, result.errors.shape[1] + 1)
+            middle.plot(seconds, 1e3 * np.median(result.errors, axis=0), color=color, label=result.name)
+            spread = 1e3 * np.percentile(result.errors, (10, 90), axis=0)
+            middle.fill_between(seconds, *spread, color=color, alpha=0.15, lw=0)
+        middle.set(xlabel="time (s)", ylabel="tip error (mm)", title="all rods: median, 10-90 %", ylim=(0, None))
+        means = [1e3 * result.errors.mean(axis=1) for result in results]
+        right.boxplot(means, tick_labels=[result.name for result in results], whis=(0, 100))
+        right.set(ylabel="mean tip error (mm)", title="one value a rod", ylim=(0, None))
+        right.tick_params(axis="x", labelsize=8)
 
 
 def main() -> None:
@@ -91,9 +85,9 @@ def main() -> None:
     start = time.perf_counter()
     everyone = controllers([args.policy])
     print("\nTip error in mm. `effort`: mean square of the action; `sim/wall`: simulated seconds a second, all rods.\n")
-    for title, settings in (("Nominal rod", {}), ("Rods that differ from the model", {"randomization": REAL_RODS})):
+    for title, rods in (("Nominal rod", None), ("Rods that differ from the model", REAL_RODS)):
         results = [
-            evaluate(name, controller, ENV_ID, num_episodes=args.episodes, seed=args.seed, **settings)
+            evaluate(name, controller, ENV_ID, num_episodes=args.episodes, seed=args.seed, randomization=rods)
             for name, controller in everyone.items()
         ]
         print(f"{title}, {args.episodes} episodes of 6 s:\n\n{table(results)}\n")
@@ -101,9 +95,9 @@ def main() -> None:
     for name, controller in everyone.items():
         frames, tips, targets = film(controller, args.seed)
         tracks[name] = (tips, targets)
-    figure = args.folder / "circle.png"
-    draw(results, tracks, figure)
-    print(f"figure: {figure}")
+    picture = args.folder / "circle.png"
+    draw(results, tracks, picture)
+    print(f"figure: {picture}")
     if args.video:
         video = args.folder / "circle.mp4"
         write_video(frames, video, 50)

@@ -6,12 +6,10 @@ modulus. Frames come at 50 Hz with noise of 0.05 mm and show the tip only.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
-import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from tqdm import tqdm
@@ -19,12 +17,33 @@ from tqdm import tqdm
 from magrod_env import Scene, Simulation, SimulationDiverged, load_scene
 from magrod_env.estimation import EnsembleFilter, Measurement, Unknown, UnscentedFilter
 from magrod_env.estimation.members import Members, Rest
-from scripts import Report, Table
+from scripts.common import run
+from scripts.common.command import Options, main
+from scripts.common.report import Report
+from scripts.common.run import samples
+from scripts.common.track import track
 from scripts.estimation.twins import FINER, NOISE, brake, loaded, stiffer
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 FRAME, ELEMENTS = 0.02, 6  # s
 CASES = ("circle", "release")
 LATE = 4  # frames
+Filter = EnsembleFilter | UnscentedFilter
+
+
+class FilterOptions(TypedDict, total=False):
+    """Arguments of a filter."""
+
+    num_members: int
+    relaxation: float
+    largest_growth: float
+    num_modes: int
+    parameters: Mapping[str, Unknown | float]
+    num_elements: int
+    rotary_scaling: float
+    precision: str
 
 
 @dataclass
@@ -54,22 +73,18 @@ def make_twin(case: str, factor: float, count: int) -> Twin:
     start = None if case == "release" else commands[0]
     plain = case == "load"
     true = stiffer(scene, factor) if plain else stiffer(scene, factor).replace(internal_damping=2e-3, drag_rate=None)
-    truth = Simulation(true, num_elements=FINER * ELEMENTS, num_threads=1)
-    model = Simulation(scene, num_elements=ELEMENTS, num_threads=1)
+    finer: run.Options = {"num_elements": FINER * ELEMENTS, "num_threads": 1}
+    truth, model = Simulation(true, **finer), Simulation(scene, num_elements=ELEMENTS, num_threads=1)
     for simulation in (truth, model):
         simulation.reset(start)
-    tips, blind = [truth.tip_position[0]], []
-    for k, command in enumerate(commands):
-        if plain and k == 50:
-            truth = loaded(truth, num_elements=FINER * ELEMENTS, num_threads=1)
-        for _ in range(4):
-            truth.advance(FRAME / 4, command)
-            if not plain:
-                brake(truth, FRAME / 4)
-        model.advance(FRAME, command)
-        tips.append(truth.tip_position[0])
-        blind.append(np.linalg.norm(model.tip_position[0] - tips[-1]))
-    return Twin(scene, commands, np.array(tips), start, np.array(blind))
+    blind = run.follow(model, samples(count * FRAME, FRAME), commands).seen
+    times, fields = samples(count * FRAME, FRAME / 4), np.repeat(commands, 4, axis=0)
+    split = 4 * 50 if plain else len(fields)
+    seen = run.follow(truth, times[: split + 1], fields[:split], after=None if plain else brake).seen
+    if plain and len(fields) > split:
+        seen = np.concatenate([seen, run.follow(loaded(truth, **finer), times[split:], fields[split:]).seen[1:]])
+    tips = seen[::4]
+    return Twin(scene, commands, tips, start, np.linalg.norm(blind - tips, axis=1)[1:])
 
 
 @dataclass
@@ -80,102 +95,116 @@ class Run:
     after: np.ndarray
     statistic: np.ndarray
     seconds: float
-    estimator: Any
 
 
-def follow(estimator: Any, twin: Twin, *, seed: int = 1, delay: int = 0, honest: bool = True, every: Any = None) -> Run:
-    """Run a filter over a twin, its frames `delay` frames late and, unless `honest`, taken for fresh."""
+Watch = Callable[[], object]
+
+
+def follow(
+    estimator: Filter, twin: Twin, *, seed: int = 1, delay: int = 0, honest: bool = True, around: Watch | None = None
+) -> Run:
+    """Run a filter over a twin, its frames `delay` frames late and, unless `honest`, taken for fresh.
+
+    `around` is called before and after each update.
+    """
     generator, rods = np.random.default_rng(seed), estimator.num_rods
     estimator.reset(twin.start)
-    before, after, statistic, seconds = [], [], [], 0.0
-    for k, command in enumerate(twin.commands):
-        shown = k + 1 - delay
+    before, after, statistic = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
+
+    def frames(k: int) -> list[Measurement]:
+        if k == 0:
+            return []
+        shown = k - delay
         seen = twin.tips[max(shown, 0)] + NOISE * generator.standard_normal((rods, 3))
-        began = time.perf_counter()
-        estimator.predict(command, FRAME)
-        seconds += time.perf_counter() - began
-        before.append(np.linalg.norm(estimator.tip_position - twin.tips[k + 1], axis=-1))
-        if shown > 0:
-            exposed = shown * FRAME if honest else estimator.time
-            measurement = Measurement(positions=seen[:, None], covariance=NOISE**2 * np.eye(3), time=exposed)
-            began = time.perf_counter()
-            estimator.update(measurement)
-            seconds += time.perf_counter() - began
+        if shown <= 0:
+            return []
+        exposed = shown * FRAME if honest else estimator.time
+        return [Measurement(positions=seen[:, None], covariance=NOISE**2 * np.eye(3), time=exposed)]
+
+    def watch(k: int, arrived: Sequence[Measurement] | None) -> None:
+        if k == 0:
+            return
+        error = np.linalg.norm(estimator.tip_position - twin.tips[k], axis=-1)
+        (before if arrived is None else after).append(error)
+        if arrived:
             statistic.append(estimator.normalised_innovation / 3.0)
-        after.append(np.linalg.norm(estimator.tip_position - twin.tips[k + 1], axis=-1))
-        if every is not None:
-            every(k, estimator)
-    return Run(np.array(before), np.array(after), np.array(statistic), seconds, estimator)
+        if around is not None:
+            around()
+
+    seconds = track(estimator, twin.commands, FRAME, frames, watch)
+    return Run(np.array(before), np.array(after), np.array(statistic), seconds)
 
 
-def mm(values: Any) -> float:
+def build(kind: type[Filter], twin: Twin, rods: int = 1, **options: Unpack[FilterOptions]) -> Filter:
+    """A filter of a twin's rods on one thread."""
+    chosen: FilterOptions = {"num_elements": ELEMENTS, **options}
+    return kind(twin.scene, num_rods=rods, num_threads=1, **chosen)  # type: ignore[misc]
+
+
+def mm(values: np.ndarray) -> float:
     """Mean, in millimetres."""
     return float(1e3 * np.mean(values))
 
 
+MODULUS = Unknown(deviation=0.2, memory=50.0)
+DRAG: FilterOptions = {
+    "parameters": {"modulus": MODULUS, "drag": 0.7, "acceleration": Unknown(deviation=0.1, memory=0.5)}
+}
+SETTINGS: dict[str, tuple[type[Filter], FilterOptions]] = {
+    "ensemble of 64": (EnsembleFilter, {}),
+    "of 16": (EnsembleFilter, {"num_members": 16}),
+    "of 256": (EnsembleFilter, {"num_members": 256}),
+    "of 64, relaxation 0": (EnsembleFilter, {"relaxation": 0.0}),
+    "of 64, relaxation 0.3": (EnsembleFilter, {"relaxation": 0.3}),
+    "of 64, growth 1": (EnsembleFilter, {"largest_growth": 1.0}),
+    "of 64, one mode an axis": (EnsembleFilter, {"num_modes": 2}),
+    "of 64, float32": (EnsembleFilter, {"precision": "float32"}),
+    "of 64, drag unknown too": (EnsembleFilter, DRAG),
+    "of 64, modulus only": (EnsembleFilter, {"parameters": {"modulus": MODULUS}}),
+    "unscented": (UnscentedFilter, {}),
+}
+
+
 def accuracy(report: Report, count: int, rods: int) -> None:
     """Errors of the tip with and without a filter, for several settings."""
-    table = Table(
+    with report.table(
+        "accuracy",
         "Twins: error of the tip, modulus 20 % below the filter's",
-        ("scene", "filter", "before a frame, mm", "after it, mm", "largest after, mm", "NIS/dof", "modulus"),
-        note=f"{rods} runs of noise each; modulus: estimate over the truth's. Distances in space, in which noise of "
+        "scene | filter | before a frame, mm | after it, mm | largest after, mm | NIS/dof | modulus",
+        f"{rods} runs of noise each; modulus: estimate over the truth's. Distances in space, in which noise of "
         "0.05 mm an axis is 0.080 mm. NIS/dof: 1 where the filter is as wrong as it thinks.",
-    )
-    drag = {
-        "modulus": Unknown(deviation=0.2, memory=50.0),
-        "drag": 0.7,
-        "acceleration": Unknown(deviation=0.1, memory=0.5),
-    }
-    settings: dict[str, tuple[Any, dict[str, Any]]] = {
-        "ensemble of 64": (EnsembleFilter, {}),
-        "of 16": (EnsembleFilter, {"num_members": 16}),
-        "of 256": (EnsembleFilter, {"num_members": 256}),
-        "of 64, relaxation 0": (EnsembleFilter, {"relaxation": 0.0}),
-        "of 64, relaxation 0.3": (EnsembleFilter, {"relaxation": 0.3}),
-        "of 64, growth 1": (EnsembleFilter, {"largest_growth": 1.0}),
-        "of 64, one mode an axis": (EnsembleFilter, {"num_modes": 2}),
-        "of 64, float32": (EnsembleFilter, {"precision": "float32"}),
-        "of 64, drag unknown too": (EnsembleFilter, {"parameters": drag}),
-        "of 64, modulus only": (EnsembleFilter, {"parameters": {"modulus": Unknown(deviation=0.2, memory=50.0)}}),
-        "unscented": (UnscentedFilter, {}),
-    }
-    for case in CASES:
-        twin = make_twin(case, 0.8, count)
-        table.rows.append((case, "none", mm(twin.blind), None, float(1e3 * twin.blind.max()), None, 1.25))
-        for name, (kind, options) in tqdm(settings.items(), desc=case, leave=False):
-            run = follow(kind(twin.scene, num_rods=rods, num_elements=ELEMENTS, num_threads=1, **options), twin)
-            modulus = float(run.estimator.parameters["modulus"].mean() / 0.8)
-            figures = (
-                mm(run.before),
-                mm(run.after),
-                float(1e3 * run.after.max()),
-                float(run.statistic.mean()),
-                modulus,
-            )
-            table.rows.append((case, name, *figures))
-    report.show("accuracy", table)
+    ) as table:
+        for case in CASES:
+            twin = make_twin(case, 0.8, count)
+            table.add(case, "none", mm(twin.blind), None, float(1e3 * twin.blind.max()), None, 1.25)
+            for name, (kind, options) in tqdm(SETTINGS.items(), desc=case, leave=False):
+                estimator = build(kind, twin, rods, **options)
+                run = follow(estimator, twin)
+                row = (case, name, mm(run.before), mm(run.after), float(1e3 * run.after.max()))
+                modulus = float(estimator.parameters["modulus"].mean() / 0.8)
+                table.add(*row, float(run.statistic.mean()), modulus)
 
 
 def lateness(report: Report, count: int, rods: int) -> None:
     """Frames that come late."""
-    table = Table(
+    with report.table(
+        "lateness",
         f"Frames {1e3 * LATE * FRAME:.0f} ms late: error of the present tip",
-        ("scene", "filter", "in time, mm", "late, mm", "late, taken for fresh, mm"),
-    )
-    for case in CASES:
-        twin = make_twin(case, 0.8, count)
-        for name, kind in (("ensemble", EnsembleFilter), ("unscented", UnscentedFilter)):
-            errors: list[float | None] = []
-            for delay, honest in ((0, True), (LATE, True), (LATE, False)):
-                estimator = kind(twin.scene, num_rods=rods, num_elements=ELEMENTS, num_threads=1)
-                try:
-                    run = follow(estimator, twin, delay=delay, honest=honest)
-                    errors.append(mm(run.after[count // 4 :]))
-                except SimulationDiverged:
-                    errors.append(None)
-            table.rows.append((case, name, *errors))
-    table.note = "From a quarter of the run on; a dash where the filter's rods diverged."
-    report.show("lateness", table)
+        "scene | filter | in time, mm | late, mm | late, taken for fresh, mm",
+        "From a quarter of the run on; a dash where the filter's rods diverged.",
+    ) as table:
+        for case in CASES:
+            twin = make_twin(case, 0.8, count)
+            kinds: dict[str, type[Filter]] = {"ensemble": EnsembleFilter, "unscented": UnscentedFilter}
+            for name, kind in kinds.items():
+                errors: list[float | None] = []
+                for delay, honest in ((0, True), (LATE, True), (LATE, False)):
+                    try:
+                        run = follow(build(kind, twin, rods), twin, delay=delay, honest=honest)
+                        errors.append(mm(run.after[count // 4 :]))
+                    except SimulationDiverged:
+                        errors.append(None)
+                table.add(case, name, *errors)
 
 
 class PlainMembers(Members):
@@ -217,143 +246,114 @@ def stiff_energy(members: Members) -> float:
     return float((0.5 * lengths * (stretch + shear * (strains[..., 1:] ** 2).sum(axis=-1))).sum(axis=-1).mean())
 
 
-def mixing(report: Report, count: int) -> None:
-    """What updates leave in the stiff modes: members mixed node by node, and as the filter does."""
-    table = Table(
-        "Stretch and shear energy of the members, mean, J, and the fastest section, rad/s",
-        (
-            "twin",
-            "members mixed by",
-            "first update: before",
-            "after",
-            "at the end",
-            "fastest section",
-            "before a frame, mm",
-            "after it, mm",
-        ),
-        note="Load: a fifth of the rod's mass is hung to the tip at 1 s; bending energy 6e-5 J. Wire: NiTi, 0.35 mm, "
-        "without spin drag; bending energy 2e-6 J. A dash where the filter's rods diverged.",
-    )
+def wire_twin() -> Twin:
+    """A NiTi wire without spin drag, its modulus 20 % below the filter's, eight frames long."""
     wire = load_scene("niti_guidewire")
     true = Simulation(stiffer(wire, 0.8), num_elements=ELEMENTS, axial_softening=100.0, rotary_scaling=200.0)
     commands = turning(8) * [1.0, 0.7, 0.7]
     true.reset(commands[0])
-    tips = [true.tip_position[0]]
-    for command in commands:
-        true.advance(FRAME, command)
-        tips.append(true.tip_position[0])
-    loud = {"spin_drag_rate": 0.0}
+    tips = run.follow(true, samples(8 * FRAME, FRAME), commands).seen
+    return Twin(wire.replace(spin_drag_rate=0.0), commands, tips, commands[0])
+
+
+def mixing(report: Report, count: int) -> None:
+    """What updates leave in the stiff modes: members mixed node by node, and as the filter does."""
     load = make_twin("load", 1.0, count)
-    trials: dict[str, tuple[Twin, dict[str, Any]]] = {
+    loud = dataclasses.replace(load, scene=load.scene.replace(spin_drag_rate=0.0))
+    trials: dict[str, tuple[Twin, FilterOptions]] = {
         "load": (load, {}),
         "load, growth 1": (load, {"largest_growth": 1.0}),
-        "load, no spin drag": (dataclasses.replace(load, scene=load.scene.replace(**loud)), {}),
-        "wire": (
-            Twin(wire.replace(**loud), commands, np.array(tips), commands[0]),
-            {"num_elements": 4, "rotary_scaling": 2.0},
-        ),
+        "load, no spin drag": (loud, {}),
+        "wire": (wire_twin(), {"num_elements": 4, "rotary_scaling": 2.0}),
     }
-    for title, (twin, options) in trials.items():
-        for name, kind in (("nodes", PlainMembers), ("slow coordinates", Members)):
-            estimator = EnsembleFilter(twin.scene, **{"num_elements": ELEMENTS, "num_threads": 1, **options})
-            estimator.members.__class__ = kind
-            update, energies = estimator.update, []
+    with report.table(
+        "mixing",
+        "Stretch and shear energy of the members, mean, J, and the fastest section, rad/s",
+        "twin | members mixed by | first update: before | after | at the end | fastest section | before a frame, mm | "
+        "after it, mm",
+        "Load: a fifth of the rod's mass is hung to the tip at 1 s; bending energy 6e-5 J. Wire: NiTi, 0.35 mm, "
+        "without spin drag; bending energy 2e-6 J. A dash where the filter's rods diverged.",
+    ) as table:
+        for title, (twin, options) in trials.items():
+            for name, kind in (("nodes", PlainMembers), ("slow coordinates", Members)):
+                estimator, energies = build(EnsembleFilter, twin, **options), list[float]()
+                members = estimator.members
+                members.__class__ = kind
+                try:
+                    done = follow(estimator, twin, around=lambda: energies.append(stiff_energy(members)))  # noqa: B023
+                except SimulationDiverged:
+                    table.add(title, name, *energies[:2], None, None, None, None)
+                    continue
+                fastest = float(np.abs(members.simulation.angular_velocities).max())
+                table.add(title, name, *energies[:2], energies[-1], fastest, mm(done.before), mm(done.after))
 
-            def watched(measurement: Any, update: Any = update, energies: Any = energies, e: Any = estimator) -> None:
-                energies.append(stiff_energy(e.members))
-                update(measurement)
-                energies.append(stiff_energy(e.members))
 
-            estimator.update = watched  # type: ignore[method-assign]
-            try:
-                run = follow(estimator, twin)
-            except SimulationDiverged:
-                table.rows.append((title, name, *energies[:2], None, None, None, None))
-                continue
-            fastest = float(np.abs(estimator.members.simulation.angular_velocities).max())
-            figures = (energies[-1], fastest, mm(run.before), mm(run.after))
-            table.rows.append((title, name, *energies[:2], *figures))
-    report.show("mixing", table)
+LOADS: dict[str, FilterOptions] = {
+    "ensemble": {},
+    "growth 1": {"largest_growth": 1.0},
+    "modulus only": {"parameters": {"modulus": MODULUS}},
+    "modulus only, growth 1": {"parameters": {"modulus": MODULUS}, "largest_growth": 1.0},
+    "load 2 m/s^2, memory 2 s": {
+        "parameters": {"modulus": MODULUS, "acceleration": Unknown(deviation=2.0, memory=2.0)}
+    },
+}
 
 
 def sudden_load(report: Report, count: int, rods: int) -> None:
     """How a load that nothing in the model stands for is followed."""
-    table = Table(
-        "A fifth of the rod's mass hung to the tip at 1 s, unknown to the filter",
-        (
-            "filter",
-            "1st s, mm",
-            "0.5 s after: before a frame",
-            "after it",
-            "NIS/dof",
-            "last 1 s: before",
-            "after",
-            "NIS/dof ",
-        ),
-    )
+    first, soon, late = slice(50), slice(50, 75), slice(-50, None)
     twin = make_twin("load", 1.0, count)
-    modulus = Unknown(deviation=0.2, memory=50.0)
-    table.rows.append(
-        ("none", mm(twin.blind[:50]), mm(twin.blind[50:75]), None, None, mm(twin.blind[-50:]), None, None)
-    )
-    for name, options in {
-        "ensemble": {},
-        "growth 1": {"largest_growth": 1.0},
-        "modulus only": {"parameters": {"modulus": modulus}},
-        "modulus only, growth 1": {"parameters": {"modulus": modulus}, "largest_growth": 1.0},
-        "load 2 m/s^2, memory 2 s": {
-            "parameters": {"modulus": modulus, "acceleration": Unknown(deviation=2.0, memory=2.0)}
-        },
-    }.items():
-        estimator = EnsembleFilter(twin.scene, num_rods=rods, num_elements=ELEMENTS, num_threads=1, **options)
-        try:
-            run = follow(estimator, twin)
-        except SimulationDiverged:
-            table.rows.append((name, *[None] * 7))
-            continue
-        soon, late = slice(50, 75), slice(-50, None)
-        figures = [mm(run.after[:50]), mm(run.before[soon]), mm(run.after[soon]), float(run.statistic[soon].mean())]
-        figures += [mm(run.before[late]), mm(run.after[late]), float(run.statistic[late].mean())]
-        table.rows.append((name, *figures))
-    table.note = "A dash where the filter's rods diverged."
-    report.show("load", table)
+    with report.table(
+        "load",
+        "A fifth of the rod's mass hung to the tip at 1 s, unknown to the filter",
+        "filter | 1st s, mm | 0.5 s after: before a frame | after it | NIS/dof | last 1 s: before | after | NIS/dof ",
+        "A dash where the filter's rods diverged.",
+    ) as table:
+        table.add("none", mm(twin.blind[first]), mm(twin.blind[soon]), None, None, mm(twin.blind[late]), None, None)
+        for name, options in LOADS.items():
+            try:
+                run = follow(build(EnsembleFilter, twin, rods, **options), twin)
+            except SimulationDiverged:
+                table.add(name, *[None] * 7)
+                continue
+            figures = [mm(run.after[first])]
+            for part in (soon, late):
+                figures += [mm(run.before[part]), mm(run.after[part]), float(run.statistic[part].mean())]
+            table.add(name, *figures)
 
 
 def cost(report: Report, count: int) -> None:
     """Simulated over wall time on one thread."""
-    table = Table(
+    kinds: list[tuple[type[Filter], FilterOptions]] = [(EnsembleFilter, {"num_members": 64}), (UnscentedFilter, {})]
+    with report.table(
+        "cost",
         "Speed on one core, one rod at 50 Hz: simulated over wall time",
-        ("scene", "filter", "members", "elements", "precision", "real-time factor"),
-    )
-    for case in CASES:
-        twin = make_twin(case, 0.8, count)
-        for elements in (4, 6):
-            for precision in ("float64", "float32"):
-                for kind, options in ((EnsembleFilter, {"num_members": 64}), (UnscentedFilter, {})):
-                    estimator = kind(twin.scene, num_elements=elements, precision=precision, num_threads=1, **options)
-                    follow(estimator, dataclasses.replace(twin, commands=twin.commands[:3]))
-                    best = min(follow(estimator, twin).seconds for _ in range(3))
-                    members = estimator.members.shape[1]
-                    row = (case, kind.__name__, members, elements, precision, len(twin.commands) * FRAME / best)
-                    table.rows.append(row)
-    report.show("cost", table)
+        "scene | filter | members | elements | precision | real-time factor",
+    ) as table:
+        for case in CASES:
+            twin = make_twin(case, 0.8, count)
+            for elements in (4, 6):
+                for precision in ("float64", "float32"):
+                    for kind, options in kinds:
+                        chosen: FilterOptions = {**options, "num_elements": elements, "precision": precision}
+                        estimator = build(kind, twin, **chosen)
+                        follow(estimator, dataclasses.replace(twin, commands=twin.commands[:3]))
+                        best = min(follow(estimator, twin).seconds for _ in range(3))
+                        members, factor = estimator.members.shape[1], len(twin.commands) * FRAME / best
+                        table.add(case, kind.__name__, members, elements, precision, factor)
 
 
-def main() -> None:
-    """Print the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="few frames and rods, to see that it runs")
-    parser.add_argument("--json", type=Path, help="file for the numbers")
-    arguments = parser.parse_args()
-    report = Report("scripts.ensemble_twins", arguments.quick)
-    count, rods = (60, 1) if arguments.quick else (100, 4)
+def measure(args: Options) -> Report:
+    """All tables; from few frames and rods if quick."""
+    report = Report("scripts.ensemble_twins", args.quick)
+    count, rods = (60, 1) if args.quick else (100, 4)
     accuracy(report, count, rods)
     lateness(report, count, rods)
-    sudden_load(report, count + 50, min(rods, 4))
+    sudden_load(report, count + 50, rods)
     mixing(report, count + 50)
     cost(report, count)
-    report.finish(arguments.json)
+    return report
 
 
 if __name__ == "__main__":
-    main()
+    main(Options, measure, __doc__, strict="never")

@@ -8,36 +8,25 @@ run, and makes only what is not there yet.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
-
-from scripts import Report
-from scripts.estimation import drawing, studies, tables
-from scripts.estimation.page import PAGE
+from scripts.common.command import FigureOptions, main
+from scripts.common.report import Report
+from scripts.estimation import studies, tables
 
 
 @dataclass
-class Args:
+class Args(FigureOptions):
     """What to measure."""
 
-    quick: bool = False
-    """two experiments, fractions of a second, one noise"""
     keep: Path | None = None
     """where finished runs are kept, one a line"""
-    figures: Path | None = None
-    """folder for the figures"""
-    page: Path | None = None
-    """where to write the page of documentation"""
-    json: Path | None = None
-    """where to write the numbers as JSON"""
 
 
-def run(args: Args) -> Report:
+def measure(args: Args) -> Report:
     """Measure, print and draw."""
-    report, runs = Report("scripts.estimate", args.quick), studies.Runs(args.keep, args.quick)
+    report, runs = Report("scripts.estimate", args.quick, "estimation.md"), studies.Runs(args.keep, args.quick)
     found = studies.experiments(runs)
     tables.table_8(report, found)
     tables.by_truth(report, found)
@@ -49,24 +38,15 @@ def run(args: Args) -> Report:
     tables.speed(report, studies.speeds(runs))
     work = studies.work(runs)
     tables.work(report, work)
-    figures = {}
     if args.figures is not None:
-        figures = {
-            "table_8": drawing.errors(found, studies.HELICAL[0].name, args.figures),
-            "trouble": drawing.trouble(troubles, args.figures),
-            "work": drawing.work(work, args.figures),
-        }
-    if args.page is not None:
-        report.write_page(args.page, PAGE, figures)
+        from scripts.estimation import figures  # matplotlib
+
+        truth, folder = studies.HELICAL[0].name, args.figures
+        report.figures["table_8"] = figures.errors(found, truth, folder / "estimate_errors.png")
+        report.figures["trouble"] = figures.trouble(troubles, folder / "estimate_trouble.png")
+        report.figures["work"] = figures.work(work, folder / "estimate_work.png")
     return report
 
 
-def main() -> None:
-    """Measure and report."""
-    args = tyro.cli(Args, description=__doc__)
-    report = run(args)
-    sys.exit(0 if report.finish(args.json) or args.quick else 1)
-
-
 if __name__ == "__main__":
-    main()
+    main(Args, measure, __doc__, strict="full runs")

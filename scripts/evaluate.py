@@ -11,10 +11,11 @@ import tyro
 from agents.command_line import one_sentence
 from agents.open_loop_circle import InverseStatics, RotatingField
 from agents.policy import Policy
-from agents.rollout import REAL_RODS, Controller, Result, check_env_id, evaluate, table
+from agents.rollout import REAL_RODS, Controller, Result, check_env_id, core_of, evaluate, table
 from magrod_env.magnetics import _checks
+from scripts.common import ROOT
 
-WEIGHTS = Path(__file__).parents[1] / "agents" / "weights" / "circle_ppo.npz"
+WEIGHTS = ROOT / "agents" / "weights" / "circle_ppo.npz"
 
 
 @dataclass
@@ -39,9 +40,9 @@ def controllers(policies: list[Path]) -> dict[str, Controller]:
 
 def compare(args: Args, randomized: bool) -> list[Result]:
     """Every controller on the same rods."""
-    settings = {"randomization": REAL_RODS} if randomized else {}
+    rods = REAL_RODS if randomized else None
     return [
-        evaluate(name, controller, args.env_id, num_episodes=args.episodes, seed=args.seed, **settings)
+        evaluate(name, controller, args.env_id, num_episodes=args.episodes, seed=args.seed, randomization=rods)
         for name, controller in controllers(args.policy).items()
     ]
 
@@ -53,7 +54,7 @@ def check(args: Args) -> None:
         ValueError: with the argument's name, what it must be and what it was.
     """
     check_env_id(args.env_id)
-    if gymnasium.make(args.env_id).unwrapped.core.task.path is None:  # type: ignore[attr-defined]
+    if core_of(gymnasium.make(args.env_id)).task.path is None:
         raise ValueError(f"env_id must be an environment that follows a path, but got {args.env_id!r}: try Circle.")
     _checks.count("episodes", args.episodes, advice="give the number of rods")
     _checks.number("seed", args.seed, at_least=0, advice="give the seed of the first rod")

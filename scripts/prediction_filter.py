@@ -8,12 +8,9 @@ of both of which the filter knows nothing. Cameras see it with noise of 0.05 mm.
 
 from __future__ import annotations
 
-import argparse
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 import numpy as np
 from tqdm import tqdm
@@ -21,8 +18,15 @@ from tqdm import tqdm
 from magrod_env import Scene, Simulation, load_scene
 from magrod_env.estimation import Measurement, PredictionFilter
 from magrod_env.estimation.damping_law import GRAM_MILLIMETRE, paper_weights
-from scripts import Report, Table
+from scripts.common import run
+from scripts.common.cases import smoothstep
+from scripts.common.command import Options, main
+from scripts.common.report import Report
+from scripts.common.track import track
 from scripts.estimation.twins import FINER, NOISE, stiffer
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 SCENE = load_scene("paper4_pdms_tip_magnet", modulus="effective")
 TICK = 5e-3  # s: the truth is kept, and the field changes, this often
@@ -44,9 +48,8 @@ class Motion(NamedTuple):
 
 def circling(t: float) -> np.ndarray:
     """The paper's circle, one turn a second, raised over half a second."""
-    share = min(t / 0.5, 1.0)
-    turn = 14.5e-3 * share**2 * (3.0 - 2.0 * share)
-    return np.array([0.0, turn * np.sin(2 * np.pi * t), 7.75e-3 + turn * np.cos(2 * np.pi * t)])
+    size = 14.5e-3 * smoothstep(2.0 * t)
+    return np.array([0.0, size * np.sin(2 * np.pi * t), 7.75e-3 + size * np.cos(2 * np.pi * t)])
 
 
 def jumping(t: float) -> np.ndarray:
@@ -66,17 +69,46 @@ def true_scene(factor: float) -> Scene:
     return stiffer(SCENE, factor).replace(internal_damping=INTERNAL_DAMPING)
 
 
+def fields_of(motion: str, duration: float) -> np.ndarray:
+    """Field of every tick, (ticks, 3) T."""
+    return np.array([MOTIONS[motion].field((tick + 0.5) * TICK) for tick in range(round(duration / TICK))])
+
+
 @cache
 def truth(motion: str, factor: float, duration: float) -> np.ndarray:
     """Positions at the nodes of the filter's rod, m, (ticks + 1, num_nodes, 3)."""
-    field, start, plane = MOTIONS[motion]
+    _, start, plane = MOTIONS[motion]
     simulation = Simulation(true_scene(factor), num_elements=FINER * NUM_ELEMENTS, plane=plane)
     simulation.reset(start)
-    seen = [simulation.positions[0, ::FINER]]
-    for tick in range(round(duration / TICK)):
-        simulation.advance(TICK, field=field((tick + 0.5) * TICK))
-        seen.append(simulation.positions[0, ::FINER])
-    return np.array(seen)
+    fields, times = fields_of(motion, duration), run.samples(duration, TICK)
+    return run.follow(simulation, times, fields, see=lambda rod: rod.positions[0, ::FINER]).seen
+
+
+class FilterOptions(TypedDict, total=False):
+    """Arguments of `PredictionFilter`."""
+
+    law: str
+    damped: str
+    markers: tuple[float, ...]
+    hold: bool
+    measurement_weight: float
+    damping_weight: float
+    damping_spread: float
+    largest_change: float
+
+
+class Ways(FilterOptions, total=False):
+    """How frames come, and what the filter makes of them.
+
+    Args:
+        every: ticks from frame to frame; 0 for no frames.
+        late: ticks from exposure to the filter.
+        noise: standard deviation of a coordinate, m.
+    """
+
+    every: int
+    late: int
+    noise: float
 
 
 class Outcome(NamedTuple):
@@ -99,59 +131,46 @@ class Outcome(NamedTuple):
         return f"{self.mean:.2f} / {self.largest:.2f}"
 
 
-def follow(
-    motion: str,
-    unknown: str,
-    *,
-    duration: float,
-    noises: int,
-    every: int = 2,
-    late: int = 0,
-    noise: float = NOISE,
-    **options: Any,
-) -> Outcome:
-    """One truth followed by a batch of filters whose cameras differ in their noise.
+def follow(motion: str, unknown: str, *, duration: float, noises: int, **ways: Unpack[Ways]) -> Outcome:
+    """One truth followed over a duration (s) by a batch of filters whose cameras differ in their noise.
 
-    Args:
-        motion, unknown: which truth.
-        duration: s.
-        noises: filters in the batch.
-        every: ticks from frame to frame; 0 for no frames.
-        late: ticks from exposure to the filter.
-        noise: standard deviation of a coordinate, m.
-        options: of the filter.
+    `motion` and `unknown` say which truth, `noises` how many filters.
     """
-    field, start, plane = MOTIONS[motion]
+    every, late, noise = ways.pop("every", 2), ways.pop("late", 0), ways.pop("noise", NOISE)
+    _, start, plane = MOTIONS[motion]
     seen, rng = truth(motion, UNKNOWN[unknown], duration), np.random.default_rng(0)
-    options = {"num_elements": NUM_ELEMENTS, "plane": plane, "num_threads": 1, "on_failure": "report", **options}
-    estimator = PredictionFilter(SCENE, num_rods=noises, **options)
+    options: run.Options = {"num_elements": NUM_ELEMENTS, "plane": plane, "num_threads": 1, "on_failure": "report"}
+    estimator = PredictionFilter(SCENE, num_rods=noises, **options, **ways)  # type: ignore[misc]
     estimator.reset(start)
     nodes = np.rint(estimator.places / SCENE.rod.length * NUM_ELEMENTS).astype(int)
     inside = np.ones(3, bool) if plane is None else np.array([True, False, True])
     masses = estimator.node_masses[0, 1:, None]
-    errors, claims, forecasts, scatter, dampings, spent = [], [], [], [], [], 0.0
-    for tick in range(1, len(seen)):
-        began = time.perf_counter()
-        estimator.predict(field((tick - 0.5) * TICK), TICK)
-        spent += time.perf_counter() - began
-        if tick % max(every, 2):
-            continue
-        forecasts.append(np.linalg.norm(estimator.tip_position - seen[tick, -1], axis=-1))
+    errors, claims, forecasts, scatter, dampings = [], [], [], [], []
+
+    def frames(tick: int) -> list[Measurement]:
         exposed = tick - late
-        if every and exposed > 0:
-            positions = seen[exposed, nodes] + noise * rng.normal(size=(noises, len(nodes), 3))
-            frame = Measurement(positions=positions, covariance=noise**2 * np.eye(3), time=exposed * TICK)
-            began = time.perf_counter()
-            estimator.update(frame)
-            spent += time.perf_counter() - began
+        if tick == 0 or not every or tick % every or exposed <= 0:
+            return []
+        positions = seen[exposed, nodes] + noise * rng.normal(size=(noises, len(nodes), 3))
+        return [Measurement(positions=positions, covariance=noise**2 * np.eye(3), time=exposed * TICK)]
+
+    def watch(tick: int, arrived: Sequence[Measurement] | None) -> None:
+        if tick == 0 or tick % max(every, 2):
+            return
+        if arrived is None:
+            forecasts.append(np.linalg.norm(estimator.tip_position - seen[tick, -1], axis=-1))
+            return
+        if arrived:
             scatter.append(np.mean(estimator.normalised_innovation / estimator.innovation_dof))
             dampings.append(estimator.damping[:, 1:, inside] / masses * every * TICK)
         errors.append(estimator.positions - seen[tick])
         claims.append(estimator.uncertainty)
-    distance, warm = np.linalg.norm(errors, axis=-1), len(errors) // 8
-    half = NUM_ELEMENTS // 2
-    rms = np.sqrt(np.sum(np.square(errors)[..., inside], axis=-1)[warm:].mean(axis=(0, 1)))
-    claimed = np.sqrt(np.sum(np.square(claims)[..., inside], axis=-1)[warm:].mean(axis=(0, 1)))
+
+    spent = track(estimator, fields_of(motion, duration), TICK, frames, watch)
+    distance, warm, half = np.linalg.norm(errors, axis=-1), len(errors) // 8, NUM_ELEMENTS // 2
+    rms, claimed = (
+        np.sqrt(np.sum(np.square(values)[..., inside], axis=-1)[warm:].mean(axis=(0, 1))) for values in (errors, claims)
+    )
     found = np.array(dampings) if dampings else np.zeros(1)
     return Outcome(
         1e3 * float(distance[..., -1].mean()),
@@ -167,125 +186,128 @@ def follow(
     )
 
 
-def estimators(report: Report, run: Callable[..., Outcome]) -> None:
+Run = Callable[..., Outcome]
+WORST = list(UNKNOWN)[-1]
+WAYS: dict[str, Ways] = {
+    "no frames": {"every": 0},
+    "paper's law, extrapolated": {"law": "extrapolated"},
+    "replay, K of the seen node": {"damped": "seen"},
+    "replay, K of all nodes": {},
+    "the same, tip and middle seen": {"markers": MIDDLE_TOO},
+    "the same, all nodes seen": {"markers": EVERY},
+}
+
+
+def estimators(report: Report, run: Run) -> None:
     """What each way of using the law does to the tip's error."""
-    ways = {
-        "no frames": dict(every=0),
-        "paper's law, extrapolated": dict(law="extrapolated"),
-        "replay, K of the seen node": dict(damped="seen"),
-        "replay, K of all nodes": dict(),
-        "the same, tip and middle seen": dict(markers=MIDDLE_TOO),
-        "the same, all nodes seen": dict(markers=EVERY),
+    found = {
+        (motion, unknown): [run(motion, unknown, **ways) for ways in WAYS.values()]
+        for motion in tqdm(MOTIONS, desc="estimators", leave=False)
+        for unknown in UNKNOWN
     }
-    columns = ("motion", "unknown", *ways)
-    tips = Table("Tip error, mean / max, mm, at 100 Hz", columns, note=TABLE_8)
-    middle = Table("Mean error half way along the rod, mm, at 100 Hz", columns)
-    honest = Table(
-        "Honesty of the uncertainty, tip seen at 100 Hz",
-        ("motion", "unknown", "NIS/dof", "tip: RMS error/claim", "middle: RMS error/claim"),
-    )
-    for motion in tqdm(MOTIONS, desc="estimators", leave=False):
-        for unknown in UNKNOWN:
-            outcomes = {name: run(motion, unknown, **options) for name, options in ways.items()}
-            tips.rows.append((motion, unknown, *(outcome.both for outcome in outcomes.values())))
-            middle.rows.append((motion, unknown, *(outcome.middle for outcome in outcomes.values())))
-            one = outcomes["replay, K of all nodes"]
-            honest.rows.append((motion, unknown, one.scatter, one.tip_claim, one.middle_claim))
-    for name, table in (("tips", tips), ("middle", middle), ("honesty", honest)):
-        report.show(name, table)
+    columns = f"motion | unknown | {' | '.join(WAYS)}"
+    with report.table("tips", "Tip error, mean / max, mm, at 100 Hz", columns, TABLE_8) as table:
+        table.rows += [(*key, *(one.both for one in outcomes)) for key, outcomes in found.items()]
+    with report.table("middle", "Mean error half way along the rod, mm, at 100 Hz", columns) as table:
+        table.rows += [(*key, *(one.middle for one in outcomes)) for key, outcomes in found.items()]
+    title = "Honesty of the uncertainty, tip seen at 100 Hz"
+    columns = "motion | unknown | NIS/dof | tip: RMS error/claim | middle: RMS error/claim"
+    with report.table("honesty", title, columns) as table:
+        for key, outcomes in found.items():
+            one = outcomes[list(WAYS).index("replay, K of all nodes")]
+            table.add(*key, one.scatter, one.tip_claim, one.middle_claim)
 
 
-def rates(report: Report, run: Callable[..., Outcome], worst: str) -> None:
+def rates(report: Report, run: Run) -> None:
     """Frame rate, latency and what runs between frames."""
-    table = Table("Tip error against frame rate, mean / max, mm", ("rate, Hz", "motion", "replay", "extrapolated"))
-    for every in (2, 4, 8):
-        for motion in MOTIONS:
-            both = (run(motion, worst, every=every, law=law).both for law in ("replay", "extrapolated"))
-            table.rows.append((round(1 / (every * TICK)), motion, *both))
-    report.show("rates", table)
-    table = Table(
+    columns = "rate, Hz | motion | replay | extrapolated"
+    with report.table("rates", "Tip error against frame rate, mean / max, mm", columns) as table:
+        for every in (2, 4, 8):
+            for motion in MOTIONS:
+                both = (run(motion, WORST, every=every, law=law).both for law in ("replay", "extrapolated"))
+                table.add(round(1 / (every * TICK)), motion, *both)
+    with report.table(
+        "latency",
         "Tip error with late frames, mean / max, mm, at 100 Hz",
-        ("latency, ms", "motion", "K = 0 after the frame", "last K held"),
-        note="At the moment at which the frame arrives, after it was taken in.",
-    )
-    for late in (0, 2, 4):
-        for motion in MOTIONS:
-            both = (run(motion, worst, late=late, hold=hold).both for hold in (False, True))
-            table.rows.append((round(1e3 * late * TICK), motion, *both))
-    report.show("latency", table)
+        "latency, ms | motion | K = 0 after the frame | last K held",
+        "At the moment at which the frame arrives, after it was taken in.",
+    ) as table:
+        for late in (0, 2, 4):
+            for motion in MOTIONS:
+                both = (run(motion, WORST, late=late, hold=hold).both for hold in (False, True))
+                table.add(round(1e3 * late * TICK), motion, *both)
 
 
-def weights(report: Report, run: Callable[..., Outcome], worst: str) -> None:
+def weights(report: Report, run: Run) -> None:
     """The weights, the paper's among them, and the bound."""
     R, W = paper_weights(1e5, 1e-1)
-    sets: dict[str, dict[str, Any]] = {
-        "paper's, read in g, mm, s": dict(measurement_weight=R, damping_weight=W),
-        "paper's, read in mg, mm, s": dict(measurement_weight=R, damping_weight=W * GRAM_MILLIMETRE),
-        **{f"noise, {spread} /s": dict(damping_spread=spread) for spread in (1.0, 5.0, 20.0, 100.0)},
-        "no noise, 20 /s": dict(noise=0.0),
-        "noise, 20 /s, bound 0.5": dict(largest_change=0.5),
-        "noise, 20 /s, bound 2": dict(largest_change=2.0),
-        "noise, 20 /s, no bound": dict(largest_change=1e9),
+    sets: dict[str, Ways] = {
+        "paper's, read in g, mm, s": {"measurement_weight": R, "damping_weight": W},
+        "paper's, read in mg, mm, s": {"measurement_weight": R, "damping_weight": W * GRAM_MILLIMETRE},
+        **{f"noise, {spread} /s": Ways(damping_spread=spread) for spread in (1.0, 5.0, 20.0, 100.0)},
+        "no noise, 20 /s": {"noise": 0.0},
+        "noise, 20 /s, bound 0.5": {"largest_change": 0.5},
+        "noise, 20 /s, bound 2": {"largest_change": 2.0},
+        "noise, 20 /s, no bound": {"largest_change": 1e9},
     }
     title = "Weights and bound: tip error, mean / max, mm, at 100 Hz"
-    table = Table(title, ("weights", *MOTIONS, "K beyond m/T", "K negative"))
-    for name, options in tqdm(sets.items(), desc="weights", leave=False):
-        outcomes = [run(motion, worst, **options) for motion in MOTIONS]
-        shares = (float(np.mean([getattr(one, kind) for one in outcomes])) for kind in ("beyond", "negative"))
-        table.rows.append((name, *(one.both for one in outcomes), *shares))
-    report.show("weights", table)
+    with report.table("weights", title, f"weights | {' | '.join(MOTIONS)} | K beyond m/T | K negative") as table:
+        for name, ways in tqdm(sets.items(), desc="weights", leave=False):
+            outcomes = [run(motion, WORST, **ways) for motion in MOTIONS]
+            beyond, negative = ([getattr(one, kind) for one in outcomes] for kind in ("beyond", "negative"))
+            table.add(name, *(one.both for one in outcomes), float(np.mean(beyond)), float(np.mean(negative)))
 
 
 def rest(report: Report) -> None:
     """Hanging at rest with a modulus 10 % off: nothing moves, so nothing is corrected."""
-    table = Table("At rest under gravity, E 10 % off: tip error, mm", ("frames", "tip error", "largest |K| T/m"))
     tip = Simulation(true_scene(1.1), num_elements=FINER * NUM_ELEMENTS).equilibrium().tip_position
     estimator, rng = PredictionFilter(SCENE, num_elements=NUM_ELEMENTS, plane="xz"), np.random.default_rng(0)
     estimator.reset((0.0, 0.0, 0.0))
-    for frame in range(201):
-        if frame % 50 == 0:
-            off = 1e3 * float(np.linalg.norm(estimator.tip_position[0] - tip))
-            largest = float(np.abs(estimator.damping[0, 1:] / estimator.node_masses[0, 1:, None]).max() * 2 * TICK)
-            table.rows.append((frame, off, largest))
-        estimator.predict((0.0, 0.0, 0.0), 2 * TICK)
-        seen = (tip + NOISE * rng.normal(size=3))[None, None]
-        estimator.update(Measurement(positions=seen, covariance=NOISE**2 * np.eye(3), time=estimator.time))
-    report.show("rest", table)
+    title, columns = "At rest under gravity, E 10 % off: tip error, mm", "frames | tip error | largest |K| T/m"
+    with report.table("rest", title, columns) as table:
+
+        def frames(k: int) -> list[Measurement]:
+            if k == 0:
+                return []
+            seen = (tip + NOISE * rng.normal(size=3))[None, None]
+            return [Measurement(positions=seen, covariance=NOISE**2 * np.eye(3), time=estimator.time)]
+
+        def watch(k: int, arrived: Sequence[Measurement] | None) -> None:
+            if arrived is not None and k % 50 == 0:
+                off = 1e3 * float(np.linalg.norm(estimator.tip_position[0] - tip))
+                share = np.abs(estimator.damping[0, 1:] / estimator.node_masses[0, 1:, None]).max()
+                table.add(k, off, float(share * 2 * TICK))
+
+        track(estimator, np.zeros((200, 3)), 2 * TICK, frames, watch)
 
 
-def speeds(report: Report, duration: float, worst: str) -> None:
+def speeds(report: Report, duration: float) -> None:
     """Simulated time over wall time of one filter on one core."""
-    table = Table(
-        "Speed of one filter, simulated over wall time, at 100 Hz", ("motion", "K of all nodes", "K of the tip")
-    )
-    for motion in MOTIONS:
-        best = []
-        for damped in ("all", "seen"):
-            best.append(max(follow(motion, worst, duration=duration, noises=1, damped=damped).speed for _ in range(3)))
-        table.rows.append((motion, *best))
-    report.show("speeds", table)
+
+    def best(motion: str, damped: str) -> float:
+        return max(follow(motion, WORST, duration=duration, noises=1, damped=damped).speed for _ in range(3))
+
+    title = "Speed of one filter, simulated over wall time, at 100 Hz"
+    with report.table("speeds", title, "motion | K of all nodes | K of the tip") as table:
+        for motion in MOTIONS:
+            table.add(motion, *(best(motion, damped) for damped in ("all", "seen")))
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Run all experiments."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="a fifth of a second and two noises")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there")
-    options = parser.parse_args(arguments)
-    report = Report("scripts.prediction_filter", options.quick)
-    duration, noises = (0.2, 2) if options.quick else (2.0, 8)
+def measure(args: Options) -> Report:
+    """All experiments; a fifth of a second and two noises if quick."""
+    report = Report("scripts.prediction_filter", args.quick)
+    duration, noises = (0.2, 2) if args.quick else (2.0, 8)
 
-    def run(motion: str, unknown: str, **chosen: Any) -> Outcome:
-        return follow(motion, unknown, duration=duration, noises=noises, **chosen)
+    def run(motion: str, unknown: str, **ways: Unpack[Ways]) -> Outcome:
+        return follow(motion, unknown, duration=duration, noises=noises, **ways)
 
-    worst = list(UNKNOWN)[-1]
     estimators(report, run)
-    rates(report, run, worst)
-    weights(report, run, worst)
+    rates(report, run)
+    weights(report, run)
     rest(report)
-    speeds(report, duration, worst)
-    report.finish(options.json)
+    speeds(report, duration)
+    return report
 
 
 if __name__ == "__main__":
-    main()
+    main(Options, measure, __doc__, strict="never")

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scripts.reference.spectral_rod import Mesh, product
 from tests.reference.cases import DYNAMIC, EQUILIBRIA, OWN_TIMES, TIMES, TWIST_AND_TENSION
-from tests.reference.spectral_rod import Mesh, product
 
 STORED = np.load(Path(__file__).parent / "reference" / "reference.npz")
 ERRORS = {"fast_step": 5e-8, "aluminium": 2e-8, "tilted_swing": 1e-7}  # m; 5e-9 elsewhere

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scripts import Check, Table, least_time
-from scripts.accuracy import CASES, LOADED, STATICS
+from scripts.common.cases import CASES, LOADED, STATICS
+from scripts.common.report import Check, Report, Table, text_of
+from scripts.common.run import least_time
+from scripts.common.store import Store
 from tests.reference.cases import DYNAMIC, STATIC, TWIST_AND_TENSION
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -164,3 +166,41 @@ def test_least_time_is_that_of_one_call():
     calls = []
     seconds = least_time(lambda: calls.append(None), repeats=2, duration=1e-4)
     assert 0.0 < seconds < 1e-3 and len(calls) >= 4
+
+
+def test_scripts_import_nothing_from_tests():
+    for path in (ROOT / "scripts").rglob("*.py"):
+        assert "import tests" not in path.read_text() and "from tests" not in path.read_text(), path
+
+
+PAGES = ("speed", "precision", "reproduction", "tolerance", "stability", "estimation")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_page_keeps_its_text_and_takes_new_tables(page, tmp_path):
+    source = ROOT / "docs" / f"{page}.md"
+    report = Report("scripts.test", True, source.name, unlisted=("hidden",))
+    for key in ("shown", "hidden"):
+        with report.table(key, f"Table {key}", "a | b") as table:
+            table.add(1, None)
+    report.figures["shown"] = tmp_path / "shown.png"
+    report.write_page(tmp_path / "page.md")
+    written = (tmp_path / "page.md").read_text()
+    assert written.startswith(text_of(source)) and text_of(tmp_path / "page.md") == text_of(source)
+    assert "![Table shown](shown.png)\n\n## Table shown" in written and "hidden" not in written
+    assert written.rstrip().splitlines()[-1].startswith("- command: `python -m scripts.test")
+
+
+def test_page_without_its_marker_is_refused(tmp_path):
+    (tmp_path / "page.md").write_text("# Text")
+    with pytest.raises(ValueError, match="must hold the line"):
+        text_of(tmp_path / "page.md")
+
+
+def test_stored_results_are_found_again_and_not_made_anew(tmp_path):
+    path, made = tmp_path / "kept" / "lines.jsonl", []
+    store = Store(path, Check)
+    first = store.get("a", lambda: made.append("a") or Check("x", "y", 1.0, 2.0))
+    assert store.get("a", lambda: made.append("again")) is first
+    assert Store(path, Check).results == {"a": first} and made == ["a"]
+    assert len(path.read_text().splitlines()) == 1

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scripts import Report
+from scripts.common.report import Report
 from scripts.ensemble_twins import Members, PlainMembers, accuracy, cost, lateness, make_twin, mixing, sudden_load
 
 

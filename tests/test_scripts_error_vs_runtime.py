@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from scripts import precision
-from scripts.error_vs_runtime import Outcome, Record, cheapest, front
-from scripts.precision import Setup, build, independent, problem, trials
+from scripts.common.store import Store
+from scripts.peers import Problem
+from scripts.precision.outcomes import Outcome, cheapest, front
+from scripts.precision.trials import SAMPLES, Setup, build, independent, trials
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -31,16 +33,16 @@ def test_cheapest_is_the_quickest_within_the_error():
 
 
 def test_finished_runs_are_kept_and_found_again(tmp_path):
-    record = Record(tmp_path / "kept" / "runs.jsonl")
-    record.add(outcome(1.0, 0.5))
-    record.add(outcome(None, None, line="nodal"))
-    assert Record(tmp_path / "kept" / "runs.jsonl").outcomes == record.outcomes
+    store = Store(tmp_path / "kept" / "runs.jsonl", Outcome)
+    for each in (outcome(1.0, 0.5), outcome(None, None, line="nodal")):
+        store.keep(each.key, each)
+    assert Store(tmp_path / "kept" / "runs.jsonl", Outcome).results == store.results and len(store.results) == 2
 
 
 @pytest.mark.parametrize("trial", trials(), ids=lambda trial: trial.name)
 def test_every_scene_has_an_independent_reference(trial):
     tips = independent(trial.name)
-    assert tips.shape == (precision.SAMPLES, 3)
+    assert tips.shape == (SAMPLES, 3)
     np.testing.assert_allclose(tips[0], [trial.scene.rod.length, 0.0, 0.0], atol=1e-12)
 
 
@@ -64,10 +66,9 @@ def test_leaving_out_the_corrections_gives_shear_and_trapezoidal_masses():
 
 def test_peers_get_the_same_rod():
     trial = trials()[1]
-    told = problem(trial)
-    assert told.second_moment == pytest.approx(trial.scene.rod.second_moment)
-    assert told.shear_modulus == pytest.approx(trial.scene.rod.shear_modulus)
-    np.testing.assert_allclose(told.magnets[0][2], trial.scene.magnets[0].dipole_moment)
+    told = Problem(trial.scene, trial.field)
+    assert told.scene is trial.scene and told.drag_rate == 5.0 and not told.twists and not told.gravity.any()
+    np.testing.assert_array_equal(told.field_at(trial.times[:3]), [trial.field(at) for at in trial.times[:3]])
 
 
 def test_quick_run_writes_tables_and_figures(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 
 from magrod_env import Simulation
 from magrod_env.estimation import Measurement
-from scripts import Report
+from scripts.common.report import Report
 from scripts.estimation import studies, tables
 from scripts.estimation.follow import FramesAlone, follow
 from scripts.estimation.twins import AIR, CASES, NOISE, Truth, brake, make, model_start, truth_options

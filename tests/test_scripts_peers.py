@@ -2,40 +2,26 @@
 
 import dataclasses
 from importlib import metadata
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from scripts.peers import PeerRun, Problem, missing, mujoco_chain, pyelastica, soromox, whole_steps
-from tests.reference.cases import DYNAMIC, TIMES
+from scripts.common.cases import CASES, TIMES, reference
+from scripts.common.run import whole_steps
+from scripts.peers import PeerRun, Problem, missing, mujoco_chain, pyelastica, soromox
 
 PEERS = {"mujoco": mujoco_chain, "pyelastica": pyelastica, "soromox": soromox}
-REFERENCE = Path(__file__).parent / "reference" / "reference.npz"
 SHORT = TIMES[:51]  # the field's ramp, and the rod's first fall
 
 
 def problem(name):
     """A reference case with one magnet."""
-    case = DYNAMIC[name]
-    (magnet,) = case.magnets
-    return Problem(
-        length=case.length,
-        diameter=2 * np.sqrt(case.area / np.pi),
-        density=case.density,
-        youngs_modulus=case.youngs_modulus,
-        poissons_ratio=case.poisson_ratio,
-        gravity=case.gravity if any(case.gravity) else None,
-        drag_rate=case.drag or None,
-        magnets=((magnet.s, magnet.mass, np.array(magnet.dipole)),),
-        field=case.field if case.drag else None,
-    )
+    return Problem(*CASES[name])
 
 
 def error(peer, setting, name, times=SHORT):
     """RMS distance, mm, from the reference tip, and the run."""
-    with np.load(REFERENCE) as stored:
-        truth = stored[f"{name}_tip"][: len(times)]
+    truth = reference(name)[: len(times), 0]
     found = peer.run(problem(name), setting, times, repeats=1)
     assert found.tip.shape == (len(times), 3) and found.wall_per_second > 0.0 and found.peer == peer.NAME
     return found.error(truth)

@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 
 from magrod_env import Simulation
+from scripts.common.starts import first_mode
 from scripts.stability import extreme
-from scripts.stability.bound import disturb, first_failure, grows, limit, silent_simulation, undamped
+from scripts.stability.bound import disturb, first_failure, grows, limit, undamped
 from scripts.stability.commands import EVERY, RODS, SIGNS, drive, flips
-from scripts.stability.drawing import COURSES, HOLD, KINDS, SUDDEN, draw, first_period, own_time
-from scripts.stability.long import axial_momentum, drift, start_swinging, swinging_scene, verdict
-from scripts.stability.stiff import TASKS, first_mode, perform
-from scripts.stability.verdict import (
+from scripts.stability.judge import (
     ENDINGS,
     Run,
     Runs,
@@ -24,6 +22,9 @@ from scripts.stability.verdict import (
     follow,
     plan,
 )
+from scripts.stability.long import axial_momentum, drift, start_swinging, swinging_scene, verdict
+from scripts.stability.scenes import COURSES, HOLD, KINDS, SUDDEN, draw, first_period, own_time
+from scripts.stability.stiff import TASKS, perform
 from tests.test_scripts_bench import assert_well_formed, columns, run_quick
 
 LENGTH = 0.1
@@ -226,7 +227,7 @@ def test_an_implicit_run_is_judged_by_an_explicit_one_where_that_can_follow():
     for trial in (draw(seed, True) for seed in range(400)):
         if trial.kind.integrator == "implicit" and len(found) < 2:
             runs = Runs(trial, 0.05)
-            if runs.plan is not None:
+            if not runs.refused:
                 found.setdefault(runs.integrators, runs)
     assert set(found) == {"implicit by explicit", "implicit by implicit"}
     fine, coarse = (found["implicit by implicit"].__dict__[name] for name in ("fine", "coarse"))
@@ -404,7 +405,7 @@ def test_a_finer_run_has_more_elements():
 
 
 def test_bisection_finds_the_limit_of_a_straight_rod():
-    simulation = silent_simulation(undamped(swinging_scene(), gravity=(0.0, 0.0, 0.0)), num_elements=4)
+    simulation = Simulation(undamped(swinging_scene(), weightless=True), num_elements=4, on_failure="report")
     bound, before = simulation.stable_time_step, simulation.positions
     np.testing.assert_allclose(limit(simulation, 1.1 * bound), bound, rtol=2e-4)
     assert grows(simulation, 1.01 * bound) and not grows(simulation, 0.99 * bound)
@@ -413,7 +414,7 @@ def test_bisection_finds_the_limit_of_a_straight_rod():
 
 
 def test_a_step_beyond_the_bound_fails_and_one_within_does_not():
-    simulation = silent_simulation(undamped(swinging_scene()), num_elements=4)
+    simulation = Simulation(undamped(swinging_scene()), num_elements=4, on_failure="report")
     bound = simulation.stable_time_step
     assert first_failure(simulation, 0.9 * bound, 0.2)[0] == 0
     simulation.reset()
@@ -447,9 +448,9 @@ def test_a_plucked_rod_swings_to_the_offset_that_was_asked_for():
     np.testing.assert_allclose((*shape, slope[0], slope[1]), (0.0, 1.0, 0.0, 1.3765), atol=1e-4)
     task = TASKS["aluminium, 1 mm, plucked 8 and 10 mm"]
     simulation = Simulation(task.scene, num_elements=4, axial_softening=100.0, rotary_scaling=200.0)
-    tips, wall = perform(task, simulation, 0.3)
-    np.testing.assert_allclose(np.abs(tips[:, 1:]).max(axis=0), task.offset, rtol=0.1)
-    assert wall > 0.0
+    course = perform(task, simulation, 0.3)
+    np.testing.assert_allclose(np.abs(course.seen[:, 1:]).max(axis=0), task.offset, rtol=0.1)
+    assert course.wall > 0.0
 
 
 # ---- commands

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from magrod_env.resolution import Resolution
-from scripts.tolerance_scenes import FAMILIES, LARGEST_FIELD, LOADS, NUM_RODS, field_course, make_trial
-from scripts.tolerance_trial import Record, cost, distances, finer, measure, simulate
+from scripts.tolerance.scenes import FAMILIES, LARGEST_FIELD, LOADS, NUM_RODS, field_course, make_trial
+from scripts.tolerance.trial import Record, cost, distances, finer, measure, simulate
 
 ROOT = Path(__file__).resolve().parents[1]
 TRIALS = [make_trial(7, index) for index in range(60)]
@@ -131,7 +131,7 @@ def test_report_is_well_formed(quick):
 def test_one_line_a_scene_and_tolerance_and_none_is_measured_twice(quick):
     _, folder, command = quick
     lines = (folder / "lines.jsonl").read_text()
-    records = [Record(**json.loads(line)) for line in lines.splitlines()]
+    records = [Record(**json.loads(line)[1]) for line in lines.splitlines()]
     assert [(each.tolerance, each.index) for each in records] == [(1e-3, 0), (1e-3, 1), (1e-4, 0), (1e-4, 1)]
     for each in records:
         assert each.outcome == "measured" and 0.0 < each.error <= each.tolerance and not each.sensitive

@@ -15,11 +15,12 @@ from magrod_env.simulation.errors import StabilityError
 from magrod_env.simulation.rods import Rods
 
 MOST_ITERATIONS = 40
-LARGEST_TURN = 0.4  # rad, about, by which one step may bend a rod
+LARGEST_TURN = 1.0  # first radius of the steps, over EI/(moment * length)
 DAMPING = 1e-6  # of the square of the largest singular value: no step along directions that hardly move the point
 CLOSE = 0.1  # of the tolerance: near enough to stop
 WAYPOINTS, COARSE = 8, 0.02  # of a second approach, and how near to each, of the way
-LEAST_SHARE = 1e-4  # of a step
+LEAST_RADIUS = 1e-5  # of the steps, over the same
+DAMPING_ITERATIONS = 6
 STALLED = 1e-3  # of the distance: progress below which a target counts as out of reach
 
 
@@ -95,6 +96,8 @@ class _Search:
 
     def __init__(self, rods: Rods, which: np.ndarray, node: int, start: np.ndarray, limit: float) -> None:
         self.rods, self.which, self.node, self.limit = rods, which, node, limit
+        moments = np.linalg.norm(rods.model.values.magnet_moments, axis=1).sum()
+        self.stiffness = rods.model.values.bending / float(moments * rods.model.values.ends[-1])  # T
         self.fields, self.loads = start.copy(), np.zeros((len(which), 12))
         self.loads[:, :3] = _acting(rods, self.fields, which)
         self.shapes = rods.equilibria(self.loads, which)
@@ -126,31 +129,30 @@ class _Search:
     def approach(self, targets: np.ndarray, active: np.ndarray, tolerance: float) -> None:
         """Move the fields of the searches `active` until their nodes are nearer than the tolerance, or come no nearer.
 
-        Every target takes Gauss-Newton steps of its own; one that brings its point no nearer, or loses stability, is
-        cut to a quarter.
+        Every target takes steps of its own (Levenberg and Marquardt), no longer than a radius that doubles after a
+        step that brings the point nearer, and falls to a quarter after one that does not or that loses stability.
         """
-        steps, shares, fresh = np.zeros_like(self.fields), np.ones(len(targets)), np.ones(len(targets), bool)
+        radius = np.full(len(targets), LARGEST_TURN * self.stiffness)
+        slopes, fresh = np.zeros((len(targets), 3, 3)), np.ones(len(targets), bool)
         active = active[self.distances(targets)[active] > CLOSE * tolerance]
         for _ in range(MOST_ITERATIONS):
             if not len(active):
                 return
             new = active[fresh[active]]
             if len(new):
-                steps[new] = self._steps(targets, new)
-            far, before = self._try(targets, active, shares[active, None] * steps[active])
+                shapes = _some(self.shapes, new)
+                found = static_jacobian(self.rods, self.which[new], shapes, self.loads[new], (self.node,))
+                slopes[new] = found[:, 0]
+            steps = _steps(slopes[active], targets[active] - self.points[active], radius[active])
+            far, before = self._try(targets, active, steps)
             better = far < before
-            shares[active] = np.where(better, np.minimum(1.0, 2.0 * shares[active]), 0.25 * shares[active])
+            radius[active] = np.where(better, 2.0, 0.25) * radius[active]
             fresh[active] = better
             done = better & ((far <= CLOSE * tolerance) | (far > (1.0 - STALLED) * before))
-            active = active[~(done | (shares[active] < LEAST_SHARE))]
-
-    def _steps(self, targets: np.ndarray, new: np.ndarray) -> np.ndarray:
-        shapes = _some(self.shapes, new)
-        slopes = static_jacobian(self.rods, self.which[new], shapes, self.loads[new], (self.node,))[:, 0]
-        return _least_steps(slopes, targets[new] - self.points[new], self.rods, self.limit)
+            active = active[~(done | (radius[active] < LEAST_RADIUS * self.stiffness))]
 
     def _try(self, targets: np.ndarray, active: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Take the steps that bring points nearer; distances after each, infinite where stability is lost, and before."""
+        """Take the steps that bring points nearer; distances after each, infinite where unstable, and before."""
         tried = self.fields[active] + steps
         size = np.linalg.norm(tried, axis=1, keepdims=True)
         tried *= np.minimum(1.0, self.limit / np.maximum(size, 1e-300))
@@ -176,17 +178,18 @@ def _some(shapes: Shapes, which: np.ndarray) -> Shapes:
     return Shapes(*(part[which] for part in shapes))
 
 
-def _least_steps(slopes: np.ndarray, misses: np.ndarray, rods: Rods, limit: float) -> np.ndarray:
-    """Steps of least norm, T, (M, 3), towards the misses (M, 3) m by slopes (M, 3, 3) m/T, none of which bends a rod
-    far.
+def _steps(slopes: np.ndarray, misses: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """Steps, T, (M, 3), towards the misses (M, 3) m by slopes (M, 3, 3) m/T: of least norm where they are short, else
+    damped until none is longer than its radius (M,), T.
     """
     left, sizes, right = np.linalg.svd(slopes)
-    along = np.einsum("mij,mi->mj", left, misses)
-    parts = along * sizes / (sizes**2 + DAMPING * sizes[:, :1] ** 2)
-    steps = np.einsum("mj,mji->mi", parts, right)
-    length = float(rods.model.values.ends[-1])
-    turns = np.linalg.norm(np.einsum("mij,mj->mi", slopes, steps), axis=1) / (0.5 * length)
-    size = np.linalg.norm(steps, axis=1)
-    shrink = np.minimum(1.0, LARGEST_TURN / np.maximum(turns, 1e-300))
-    shrink = np.minimum(shrink, 0.5 * limit / np.maximum(size, 1e-300))
-    return steps * shrink[:, None]
+    along = np.einsum("mij,mi->mj", left, misses) * sizes
+    squares, damping = sizes**2, DAMPING * sizes[:, 0] ** 2
+    for _ in range(DAMPING_ITERATIONS):  # Hebden's iteration on 1/|step|
+        parts = along / (squares + damping[:, None])
+        norm = np.linalg.norm(parts, axis=1)
+        slope = (parts**2 / (squares + damping[:, None])).sum(axis=1)
+        change = norm**2 * (norm / radius - 1.0) / np.maximum(slope, 1e-300)
+        damping = np.where(norm > radius, damping + np.maximum(change, 0.0), damping)
+    steps = np.einsum("mj,mji->mi", along / (squares + damping[:, None]), right)
+    return steps * np.minimum(1.0, radius / np.maximum(np.linalg.norm(steps, axis=1), 1e-300))[:, None]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from magrod_env import Simulation, SimulationDiverged
+from magrod_env import SimulationDiverged
 from magrod_env.estimation import (
     CameraStream,
     EnsembleFilter,
@@ -20,11 +19,13 @@ from magrod_env.estimation import (
     UnscentedFilter,
 )
 from magrod_env.estimation.measurement import marker_nodes
+from scripts.common.run import build as simulate
+from scripts.common.track import Estimator, track
 from scripts.estimation.twins import NOISE, Case, Twin, model_start
 
 STILL = (3, 5, 6)  # experiments that start at rest in an equilibrium, or straight
 LINEAR_DRAG = 1.0  # 1/s: what the ensemble's model has in the place of the dampings it does not know
-UNKNOWNS: dict[str, Any] = {
+UNKNOWNS: dict[str, Unknown | float] = {
     "modulus": Unknown(deviation=0.2, memory=1000.0),
     "drag": Unknown(deviation=0.7, memory=50.0),
     "acceleration": Unknown(deviation=0.02, memory=0.5),
@@ -35,7 +36,7 @@ class ModelAlone:
     """No estimator: the model runs from its own start and no frame changes it."""
 
     def __init__(self, case: Case, known_start: bool) -> None:
-        self._simulation = Simulation(case.scene, on_failure="report", **case.settings)
+        self._simulation = simulate(case.scene, case.settings, on_failure="report")
         if known_start:
             self._simulation.set_state(model_start(case).state())
         self.arc_lengths = self._simulation.arc_lengths
@@ -93,7 +94,7 @@ class FramesAlone:
         return np.where(np.isfinite(moved), moved, self._last[1])
 
 
-def build(case: Case, way: str, num_rods: int, options: Mapping[str, Any], known_start: bool = True) -> Any:
+def build(case: Case, way: str, num_rods: int, options: Mapping[str, Any], known_start: bool = True) -> Estimator:
     """An estimator in its experiment's start.
 
     Args:
@@ -108,12 +109,14 @@ def build(case: Case, way: str, num_rods: int, options: Mapping[str, Any], known
         return ModelAlone(case, known_start)
     if way in ("held", "extended"):
         return FramesAlone(case, num_rods, way == "extended")
-    settings = {"num_rods": num_rods, "markers": case.markers, **case.settings, **options}
+    settings: dict[str, Any] = {"num_rods": num_rods, "markers": case.markers, **case.settings, **options}
     if way in ("printed", "paper"):
         law = {"law": "extrapolated", "damped": "seen"} if way == "printed" else {}
-        estimator: Any = PredictionFilter(case.scene, **{"on_failure": "report", **law, **settings})
+        estimator: PredictionFilter | EnsembleFilter | UnscentedFilter = PredictionFilter(
+            case.scene, **{"on_failure": "report", **law, **settings}
+        )
     else:
-        kind = EnsembleFilter if way == "ensemble" else UnscentedFilter
+        kind = {"ensemble": EnsembleFilter, "unscented": UnscentedFilter}[way]
         scene = case.scene.replace(drag_rate=LINEAR_DRAG)
         estimator = kind(scene, **{"parameters": UNKNOWNS, **settings})
     if not known_start:
@@ -181,50 +184,41 @@ def follow(
     estimator = build(case, way, num_rods, options or {}, known_start)
     stream = CameraStream(GaussianCameras(noise=noise), rate=rate, delay=delay, drop_probability=drops)
     stream.reset(seed)
-    nodes = _nodes(case, estimator)
-    seen = range(len(case.markers))
-    positions, velocities, residuals, seconds = [], [], [], 0.0
-    lost = False
-    for k in range(0, len(twin.times), ticks_at_once):
-        now = float(twin.times[k])
-        frames = _frames(stream, k % every == 0, now, twin.positions[k, seen], num_rods)
-        began = time.perf_counter()
-        try:
-            if k > 0 and not lost:
-                estimator.predict(twin.fields[k - 1], float(twin.times[k] - twin.times[k - ticks_at_once]))
-            for frame in frames:
-                if not lost:
-                    estimator.update(frame)
-        except SimulationDiverged:
-            lost = True
-        seconds += time.perf_counter() - began
-        at, moving = estimator.positions[:, nodes], estimator.velocities[:, nodes]
-        bad = lost | (np.asarray(getattr(estimator, "status", 0)).reshape(-1, 1, 1) != 0)
-        positions.append(np.where(bad, np.nan, at - twin.positions[k]))
-        velocities.append(np.where(bad, np.nan, moving - twin.velocities[k]))
-        residuals += [np.where(bad[..., 0], np.nan, at[:, 0] - frame.positions[:, 0]) for frame in frames]
-    taken = twin.times[::ticks_at_once]
-    return Course(
-        taken,
-        np.arange(0, len(twin.times), ticks_at_once) % every == 0,
-        np.array(positions),
-        np.array(velocities),
-        np.array(residuals),
-        seconds,
-        {name: float(np.mean(value)) for name, value in getattr(estimator, "parameters", {}).items()},
-    )
+    nodes, seen = _nodes(case, estimator), range(len(case.markers))
+    taken = range(0, len(twin.times), ticks_at_once)
+    found = np.full((2, len(taken), num_rods, len(case.watched), 3), np.nan)
+    residuals: list[np.ndarray] = []
+
+    def frames(k: int) -> list[Measurement]:
+        now = float(twin.times[taken[k]])
+        if taken[k] % every == 0:
+            stream.expose(now, np.tile(twin.positions[taken[k], seen], (num_rods, 1, 1)))
+        return stream.arrived(now)
+
+    def watch(k: int, arrived: Sequence[Measurement] | None) -> None:
+        if arrived is not None:
+            at, moving = estimator.positions[:, nodes], estimator.velocities[:, nodes]
+            bad = np.asarray(getattr(estimator, "status", 0)).reshape(-1, 1, 1) != 0
+            found[0, k] = np.where(bad, np.nan, at - twin.positions[taken[k]])
+            found[1, k] = np.where(bad, np.nan, moving - twin.velocities[taken[k]])
+            residuals.extend(np.where(bad[..., 0], np.nan, at[:, 0] - frame.positions[:, 0]) for frame in arrived)
+
+    fields, tick, seconds = twin.fields[ticks_at_once - 1 :: ticks_at_once], float(twin.times[ticks_at_once]), np.inf
+    try:
+        seconds = track(estimator, fields[: len(taken) - 1], tick, frames, watch)
+    except SimulationDiverged:
+        pass  # the rest stays unknown
+    parameters = {name: float(np.mean(value)) for name, value in getattr(estimator, "parameters", {}).items()}
+    at_frames = np.array(taken) % every == 0
+    times, (positions, velocities) = twin.times[::ticks_at_once], found
+    return Course(times, at_frames, positions, velocities, np.array(residuals), seconds, parameters)
 
 
-def _nodes(case: Case, estimator: Any) -> np.ndarray:
+def _nodes(case: Case, estimator: Estimator) -> np.ndarray:
     """Where the watched points are in an estimator's arrays."""
     if isinstance(estimator, FramesAlone):
         return np.arange(len(case.watched))
-    model = getattr(estimator, "members", estimator)
-    return marker_nodes(getattr(model, "simulation", model).arc_lengths, case.watched)
-
-
-def _frames(stream: CameraStream, due: bool, now: float, shown: np.ndarray, num_rods: int) -> list[Measurement]:
-    """Expose a frame if one is due; those that have come."""
-    if due:
-        stream.expose(now, np.tile(shown, (num_rods, 1, 1)))
-    return stream.arrived(now)
+    if isinstance(estimator, EnsembleFilter | UnscentedFilter):
+        return marker_nodes(estimator.members.simulation.arc_lengths, case.watched)
+    assert isinstance(estimator, PredictionFilter | ModelAlone)
+    return marker_nodes(estimator.arc_lengths, case.watched)

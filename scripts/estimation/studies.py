@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import math
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
+from scripts.common.store import Store
 from scripts.estimation.follow import Course, follow
 from scripts.estimation.twins import CASES, Case, Truth, make
 
@@ -42,41 +43,32 @@ WORKED = (3, 5)
 METAL_RATES = (100, 250, 500, 1000)
 TIMED = 1.0  # s
 POINTS_KEPT = 400  # of a course, for figures
-Figures = dict[str, Any]
+Figures = dict[str, Any]  # plain JSON types
 
 
 class Runs:
     """Figures of runs by name, in a file where one is given, so that a run that is there is not made again."""
 
     def __init__(self, path: Path | None, quick: bool) -> None:
-        self.path, self.quick, self.found = path, quick, {}
+        self.store, self.quick = Store[Figures](path, dict), quick
         self.num_rods = 1 if quick else 4
-        if path is not None and path.exists():
-            for line in path.read_text().splitlines():
-                name, figures = json.loads(line)
-                self.found[name] = figures
 
     def get(self, name: str, make: Callable[[], Figures]) -> Figures:
         """Figures of this name, made if they are not there."""
-        name = f"quick/{name}" if self.quick else name
-        if name not in self.found:
-            self.found[name] = make()
-            if self.path is not None:
-                self.path.parent.mkdir(parents=True, exist_ok=True)
-                with self.path.open("a") as lines:
-                    lines.write(json.dumps([name, self.found[name]], allow_nan=False) + "\n")
-        return self.found[name]
+        return self.store.get(f"quick/{name}" if self.quick else name, make)
 
     def twin(self, case: Case, truth: Truth, way: str, course: bool = False, **options: Any) -> Figures:
-        """An estimator on a twin."""
-        told = " ".join(f"{key}={value}" for key, value in sorted(options.items()))
+        """An estimator on a twin; options as in `follow`."""
+        name = f"{case.number}/{truth.name}/{way}/{_told(options)}"
         if self.quick and way == "ensemble":
             options["options"] = {"num_members": 16, **options.get("options", {})}
         options = {"num_rods": self.num_rods, **options}
-        return self.get(
-            f"{case.number}/{truth.name}/{way}/{told}",
-            lambda: figures(follow(case, make(case, truth, self.quick), way, **options), course),
-        )
+        run = partial(follow, case, make(case, truth, self.quick), way, **options)
+        return self.get(name, lambda: figures(run(), course))
+
+
+def _told(options: dict[str, Any]) -> str:
+    return " ".join(f"{key}={value}" for key, value in sorted(options.items()))
 
 
 def figures(run: Course, course: bool = False) -> Figures:
@@ -156,46 +148,37 @@ def troubles(runs: Runs) -> list[tuple[Case, str, str, Figures]]:
     for case, trouble in tqdm(chosen, desc="troubles"):
         options = dict(TROUBLES[trouble])
         truth = Truth(load=options.pop("load", False))
-        for way in WAYS:
-            found.append((case, trouble, way, runs.twin(case, truth, way, course=True, **options)))
+        found += [(case, trouble, way, runs.twin(case, truth, way, course=True, **options)) for way in WAYS]
     return found
 
 
 def why(runs: Runs) -> list[tuple[Case, float, int, float | None, str, Figures]]:
     """The paper's filter, as it is and as printed, where frames are many and where they are exact."""
-    chosen = [
-        (case, factor, rate, noise)
-        for case in (CASES[2], CASES[3])
-        for factor in (1.0, 0.9, 0.8)
-        for rate, noise in ((100, None), (100, 5e-5), (400, None), (400, 5e-5))
+    rates = [(100, None), (100, 5e-5), (400, None), (400, 5e-5)]
+    chosen = [(case, factor, *rate) for case in CASES[2:4] for factor in (1.0, 0.9, 0.8) for rate in rates]
+    return [
+        (case, factor, rate, noise, way, runs.twin(case, Truth(factor), way, rate=rate, noise=noise))
+        for case, factor, rate, noise in tqdm([(CASES[2], 0.9, *rates[1])] if runs.quick else chosen, desc="paper's")
+        for way in ("printed", "paper")
     ]
-    chosen = [(CASES[2], 0.9, 100, 5e-5)] if runs.quick else chosen
-    found = []
-    for case, factor, rate, noise in tqdm(chosen, desc="paper's filter"):
-        for way in ("printed", "paper"):
-            run = runs.twin(case, Truth(factor), way, rate=rate, noise=noise)
-            found.append((case, factor, rate, noise, way, run))
-    return found
 
 
-def work(runs: Runs) -> list[tuple[Case, str, str, Any, Figures]]:
+def work(runs: Runs) -> list[tuple[Case, str, str, int | str, Figures]]:
     """Error and speed of one filter on one core, against members, elements and frame rate; case, way, what, value."""
-    settings: list[tuple[str, str, Any, dict[str, Any]]] = []
-    for count in MEMBERS:
-        settings.append(("ensemble", "members", count, {"options": {"num_members": count}}))
+    settings: list[tuple[str, str, int | str, dict[str, Any]]] = [
+        ("ensemble", "members", count, {"options": {"num_members": count}}) for count in MEMBERS
+    ]
     settings.append(("ensemble", "float32, members", 64, {"options": {"precision": "float32"}}))
     settings.append(("unscented", "sigma points", "", {}))
     for way in ("ensemble", "paper"):
         settings += [(way, "elements", count, {"options": {"num_elements": count}}) for count in ELEMENTS]
         settings += [(way, "frames a second", rate, {"rate": rate}) for rate in RATES]
-    if runs.quick:
-        settings = settings[:2]
-    chosen = [(CASES[number - 1], setting) for number in WORKED[: 1 if runs.quick else 2] for setting in settings]
+    cases, settings = (WORKED[:1], settings[:2]) if runs.quick else (WORKED, settings)
     found = []
-    for case, (way, what, value, options) in tqdm(chosen, desc="work and precision"):
-        error = runs.twin(case, Truth(0.8), way, num_rods=min(2, runs.num_rods), **options)
-        speed = speed_of(runs, case, way, **options)
-        found.append((case, way, what, value, {**error, "speed": speed}))
+    for number, (way, what, value, options) in tqdm([(n, each) for n in cases for each in settings], desc="work"):
+        error = runs.twin(CASES[number - 1], Truth(0.8), way, num_rods=min(2, runs.num_rods), **options)
+        speed = speed_of(runs, CASES[number - 1], way, **options)
+        found.append((CASES[number - 1], way, what, value, {**error, "speed": speed}))
     return found
 
 
@@ -210,8 +193,7 @@ def speed_of(runs: Runs, case: Case, way: str, **options: Any) -> float:
         done = [follow(case, twin, way, ticks_at_once=together, **options) for _ in range(1 if runs.quick else 3)]
         return {"speed": max(float(run.times[-1]) / run.seconds for run in done)}
 
-    told = " ".join(f"{key}={value}" for key, value in sorted(options.items()))
-    return runs.get(f"speed/{case.number}/{way}/{told}", best)["speed"]
+    return runs.get(f"speed/{case.number}/{way}/{_told(options)}", best)["speed"]
 
 
 def speeds(runs: Runs) -> list[tuple[Case, str, float]]:

@@ -9,18 +9,22 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
+from functools import cache, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from magrod_env import Scene, Simulation, load_scene
 from magrod_env.estimation.measurement import marker_arc_lengths, marker_nodes
 from magrod_env.scenes import PaperScene, paper_scene
+from scripts.common.run import Field, Options, build, follow
 from scripts.reproduction import runs
 from scripts.reproduction.experiments import EXPERIMENTS, FIELDS, start_offset
+from scripts.reproduction.printed import stated
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 NOISE = 5e-5  # m, of each coordinate of a frame
 AIR = 2.0  # 1/m: deceleration AIR |v| v; about ten times what air does to rods of 2 to 5 mm
@@ -66,15 +70,14 @@ class Case:
     @property
     def scene(self) -> Scene:
         """The estimators' scene: undamped, with the modulus that swings as the paper's rod where that is one."""
-        modulus: Any = "printed" if self.record.why_no_effective_modulus else "effective"
-        return load_scene(self.record.name, modulus=modulus)
+        if self.record.why_no_effective_modulus:
+            return load_scene(self.record.name, modulus="printed")
+        return load_scene(self.record.name, modulus="effective")
 
     @property
     def markers(self) -> tuple[float, ...]:
         """Arc lengths that the cameras see, m, the tip first: the magnets, else the tip alone."""
-        if len(self.scene.magnets) > 1:
-            return marker_arc_lengths(self.scene, "magnets")
-        return marker_arc_lengths(self.scene, "tip")
+        return marker_arc_lengths(self.scene, "magnets" if len(self.scene.magnets) > 1 else "tip")
 
     @property
     def watched(self) -> tuple[float, ...]:
@@ -82,16 +85,11 @@ class Case:
         return self.markers if len(self.markers) > 1 else (*self.markers, 0.5 * self.scene.rod.length)
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> Options:
         """Options of a model of this rod."""
         axial, rotary = self.conditioning
-        return {
-            "num_elements": self.num_elements,
-            "plane": self.plane,
-            "num_threads": 1,
-            "axial_softening": axial,
-            "rotary_scaling": rotary,
-        }
+        options: Options = {"num_elements": self.num_elements, "plane": self.plane, "num_threads": 1}
+        return {**options, "axial_softening": axial, "rotary_scaling": rotary}
 
 
 CASES = (
@@ -153,10 +151,10 @@ def brake(simulation: Simulation, duration: float) -> None:
     simulation.set_motion(velocities / (1.0 + AIR * speed * duration), simulation.angular_velocities)
 
 
-def loaded(simulation: Simulation, **options: Any) -> Simulation:
+def loaded(simulation: Simulation, **options: Unpack[Options]) -> Simulation:
     """The same rod in the same state with `LOAD` at its tip; options as for its `Simulation`."""
     heavier = Simulation(with_load(simulation.scene, LOAD), **options)
-    heavier.rods.motion.write(simulation.positions, simulation.rods.motion.quaternions)
+    heavier.reset(shape=(simulation.positions, simulation.rotations))
     heavier.set_motion(simulation.velocities, simulation.angular_velocities)
     return heavier
 
@@ -166,7 +164,7 @@ def start(case: Case, simulation: Simulation, stiffening: float = 1.0) -> None:
     if case.number in (1, 2):
         runs.release(simulation, start_offset(case.record), stiffening)
     elif case.number == 4:
-        runs.swing_to(simulation, math.radians(case.record.initial_tip_deflection_deg))
+        runs.swing_to(simulation, math.radians(stated(case.record.initial_tip_deflection_deg)))
     elif case.number == 3:
         simulation.reset()
     else:
@@ -176,26 +174,31 @@ def start(case: Case, simulation: Simulation, stiffening: float = 1.0) -> None:
 @cache
 def model_start(case: Case, num_elements: int | None = None) -> Simulation:
     """The estimators' model where it takes the experiment to start; not to be changed."""
-    settings = case.settings | ({} if num_elements is None else {"num_elements": num_elements})
-    simulation = Simulation(case.scene, **settings)
+    elements = case.num_elements if num_elements is None else num_elements
+    simulation = build(case.scene, case.settings, num_elements=elements)
     start(case, simulation)
     return simulation
 
 
-def field_at(case: Case) -> Callable[[float], np.ndarray]:
+def field_at(case: Case) -> Field:
     """Field (3,) T against time, s."""
     if case.number not in FIELDS:
         return lambda t: np.zeros(3)
     return FIELDS[case.number](case.record, case.durations[0])
 
 
-def truth_options(case: Case, truth: Truth) -> dict[str, Any]:
+def truth_options(case: Case, truth: Truth) -> Options:
     """How the truth is simulated."""
-    options: dict[str, Any] = {"num_elements": FINER * case.num_elements, "num_threads": 1}
+    options: Options = {"num_elements": FINER * case.num_elements, "num_threads": 1}
     if truth.element == "nodal":
-        options |= {"element": "nodal", "frequency_shaping": True, "plane": case.plane}
-        return {**options, "rotary_scaling": case.nodal_scaling}
+        shaped: Options = {"element": "nodal", "frequency_shaping": True, "plane": case.plane}
+        return {**options, **shaped, "rotary_scaling": case.nodal_scaling}
     return {**options, "integrator": "implicit", "time_step": STEP_SHARE / (case.rate * case.ticks)}
+
+
+def watched(simulation: Simulation, nodes: np.ndarray) -> np.ndarray:
+    """Positions and velocities of some nodes, (2, nodes, 3) m, m/s."""
+    return np.stack([simulation.positions[0, nodes], simulation.velocities[0, nodes]])
 
 
 @cache
@@ -207,16 +210,13 @@ def make(case: Case, truth: Truth, quick: bool) -> Twin:
     options = truth_options(case, truth)
     simulation = Simulation(scene, **options)
     start(case, simulation)
-    nodes = marker_nodes(simulation.arc_lengths, case.watched)
     field, tick = field_at(case), 1.0 / (case.rate * case.ticks)
-    count = round(case.durations[quick] / tick)
-    fields = np.array([field((k + 0.5) * tick) for k in range(count)])
-    positions, velocities = [simulation.positions[0, nodes]], [simulation.velocities[0, nodes]]
-    for k in range(count):
-        if truth.load and k == count // 2:
-            simulation = loaded(simulation, **options)
-        simulation.advance(tick, fields[k])
-        brake(simulation, tick)
-        positions.append(simulation.positions[0, nodes])
-        velocities.append(simulation.velocities[0, nodes])
-    return Twin(tick * np.arange(count + 1), fields, np.array(positions), np.array(velocities))
+    times = tick * np.arange(round(case.durations[quick] / tick) + 1)
+    fields = np.array([field(at + 0.5 * tick) for at in times[:-1]])
+    see = partial(watched, nodes=marker_nodes(simulation.arc_lengths, case.watched))
+    half = len(fields) // 2 if truth.load else len(fields)
+    seen = follow(simulation, times[: half + 1], fields[:half], see=see, after=brake).seen
+    if truth.load:
+        heavier = loaded(simulation, **options)
+        seen = np.concatenate([seen, follow(heavier, times[half:], fields[half:], see=see, after=brake).seen[1:]])
+    return Twin(times, fields, seen[:, 0], seen[:, 1])

@@ -12,55 +12,50 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
-CONTROL_TIME, CONTROL_STEPS, REPEATS = 0.02, 5, 5  # of a batch: s, steps timed together, of which the least counts
+from magrod_env import Scene
+from scripts.common.run import Field, rms
 
-Field = Callable[[float], np.ndarray]
-Magnet = tuple[float, float, np.ndarray]
+CONTROL_TIME, CONTROL_STEPS, REPEATS = 0.02, 5, 5  # of a batch: s, steps timed together, of which the least counts
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A round rod along x, clamped at the origin, straight and at rest at time 0; SI units, world axes.
+    """A round rod straight and at rest at time 0, without internal damping or spin drag, in a field (3,) T of time."""
 
-    length, diameter (m); density (kg/m^3); youngs_modulus (Pa); poissons_ratio: shear stiffness E A / (2 (1 + nu)),
-    no shear correction. gravity (3,) m/s^2 or None. drag_rate (1/s) or None: force -drag_rate * mass * velocity on rod
-    and magnets, none on rotation. magnets: (position along the rod m, point mass kg, moment (3,) A m^2 in the body
-    frame whose first axis is the tangent). field: time (s) -> uniform flux density (3,) T, or None. duration (s).
-    """
-
-    length: float
-    diameter: float
-    density: float
-    youngs_modulus: float
-    poissons_ratio: float = 0.5
-    gravity: tuple[float, float, float] | None = None
-    drag_rate: float | None = None
-    magnets: tuple[Magnet, ...] = ()
+    scene: Scene
     field: Field | None = None
-    duration: float = 2.0
 
     @property
-    def area(self) -> float:
-        """Cross-section, m^2."""
-        return math.pi * self.diameter**2 / 4
+    def gravity(self) -> np.ndarray:
+        """m/s^2, (3,)."""
+        return np.array(self.scene.gravity or (0.0, 0.0, 0.0))
 
     @property
-    def second_moment(self) -> float:
-        """Of area about a diameter, m^4; the polar one is twice that."""
-        return math.pi * self.diameter**4 / 64
+    def drag_rate(self) -> float:
+        """1/s."""
+        return self.scene.drag_rate or 0.0
 
     @property
-    def shear_modulus(self) -> float:
-        """Pa."""
-        return self.youngs_modulus / (2 * (1 + self.poissons_ratio))
+    def twists(self) -> bool:
+        """Whether a magnet's moment is not along the tangent; nothing else twists the rod."""
+        return any(np.any(magnet.dipole_moment[1:]) for magnet in self.scene.magnets)
 
-    def field_at(self, at: float) -> np.ndarray:
-        """Flux density (3,) T at a time (s)."""
-        return np.zeros(3) if self.field is None else np.asarray(self.field(at), dtype=float)
+    def field_at(self, times: np.ndarray) -> np.ndarray:
+        """Flux density (K, 3) T at times (K,) s."""
+        return np.array([np.zeros(3) if self.field is None else self.field(at) for at in times], dtype=float)
+
+
+class Setting(Protocol):
+    """One set-up: its kind, and what tells it from the others of its kind."""
+
+    @property
+    def label(self) -> str: ...
+    @property
+    def resolution(self) -> str: ...
 
 
 @dataclass
@@ -81,9 +76,7 @@ class PeerRun:
 
     def error(self, truth: np.ndarray) -> float | None:
         """Root mean square over time of the distance to the tip's reference (T, 3) m, in mm; None if it diverged."""
-        if self.diverged:
-            return None
-        return 1e3 * float(np.sqrt(np.mean(np.sum((self.tip - truth) ** 2, axis=-1))))
+        return None if self.diverged else rms(self.tip, truth)
 
 
 def missing(package: str, least: str) -> str | None:
@@ -98,14 +91,9 @@ def missing(package: str, least: str) -> str | None:
     return None
 
 
-def whole_steps(interval: float, time_step: float) -> int:
-    """The fewest steps of at most `time_step` that fill an interval (s)."""
-    return max(1, math.ceil(interval / time_step - 1e-9))
-
-
 def finished(
     peer: str,
-    setting: Any,
+    setting: Setting,
     problem: Problem,
     times: np.ndarray,
     simulate: Callable[[], tuple[np.ndarray, float]],
@@ -113,25 +101,21 @@ def finished(
 ) -> PeerRun:
     """A PeerRun from `simulate() -> (tip (T, 3), wall time of the steps in s)`, called `repeats` times."""
     tip, wall = simulate()
-    diverged = not np.all(np.isfinite(tip)) or bool(np.any(np.linalg.norm(tip, axis=-1) > 2 * problem.length))
+    lost = np.linalg.norm(tip, axis=-1) > 2 * problem.scene.rod.length
+    diverged = not np.all(np.isfinite(tip)) or bool(np.any(lost))
     for _ in range(0 if diverged else repeats - 1):
         wall = min(wall, simulate()[1])
     tip = np.full_like(tip, np.nan) if diverged else tip
     return PeerRun(peer, setting.label, setting.resolution, times, tip, wall / float(times[-1] - times[0]), diverged)
 
 
-def control_steps_per_second(num_rods: int, step: Callable[[int], Any], begin: Callable[[], Any]) -> float:
+def control_steps_per_second(num_rods: int, step: Callable[[int], object], begin: Callable[[], object]) -> float:
     """Control steps per second of `num_rods` rods together; `step` makes that of a number, after `begin`."""
     shortest = math.inf
     for _ in range(REPEATS):
         begin()
-        start = clock()
+        start = time.perf_counter()
         for k in range(CONTROL_STEPS):
             step(k)
-        shortest = min(shortest, clock() - start)
+        shortest = min(shortest, time.perf_counter() - start)
     return num_rods * CONTROL_STEPS / shortest
-
-
-def clock() -> float:
-    """Seconds, for differences."""
-    return time.perf_counter()

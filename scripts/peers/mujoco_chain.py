@@ -27,21 +27,14 @@ and 1.9 mm with 40: the chain is better at every run time.
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scripts.peers import (
-    CONTROL_TIME,
-    PeerRun,
-    Problem,
-    clock,
-    control_steps_per_second,
-    finished,
-    missing,
-    whole_steps,
-)
+from scripts.common.run import whole_steps
+from scripts.peers import CONTROL_TIME, PeerRun, Problem, control_steps_per_second, finished, missing
 
 if TYPE_CHECKING:
     import mujoco
@@ -103,7 +96,7 @@ def run_batch(problem: Problem, setting: Setting, num_rods: int, threads: int) -
     count = _fit_step(model, setting, CONTROL_TIME / parts)
     rods = batch.Batch(model, num_rods, threads)
     velocity, wrench = rods.bind("qvel"), rods.bind("xfrc_applied")
-    kept = math.exp(-(problem.drag_rate or 0.0) * CONTROL_TIME / parts)
+    kept = math.exp(-problem.drag_rate * CONTROL_TIME / parts)
 
     def step(k: int) -> None:
         wrench[:] = _wrenches(problem, model, np.array([k * CONTROL_TIME]))
@@ -141,20 +134,20 @@ def _simulate(problem: Problem, setting: Setting, model: mujoco.MjModel, times: 
         mujoco.mj_forward(model, data)
         data.qvel[:] = -0.5 * model.opt.timestep * data.qacc
     wrench = wrench.reshape(chunks, 1, count, -1)
-    kept = math.exp(-(problem.drag_rate or 0.0) * interval / parts)
+    kept = math.exp(-problem.drag_rate * interval / parts)
     velocity = slice(1 + model.nq, 1 + model.nq + model.nv)
     state = np.empty((1, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
     mujoco.mj_getState(model, data, state[0], mujoco.mjtState.mjSTATE_FULLPHYSICS)
     path, sensors, states = np.empty((1, count, state.shape[1])), np.empty((1, count, 0)), [state]
     chunk = {"control_spec": int(mujoco.mjtState.mjSTATE_XFRC_APPLIED), "nstep": count, "skip_checks": True}
     with rollout.Rollout(nthread=0) as roll:
-        start = clock()
+        start = time.perf_counter()
         for k in range(chunks):
             roll.rollout([model], [data], state, wrench[k], state=path, sensordata=sensors, **chunk)
             state = path[:, -1].copy()
             state[0, velocity] *= kept
             states.append(state)
-        wall = clock() - start
+        wall = time.perf_counter() - start
     return np.array([_tip(model, data, kept_state[0]) for kept_state in states[::parts]]), wall
 
 
@@ -178,9 +171,9 @@ def _wrenches(problem: Problem, model: mujoco.MjModel, at: np.ndarray) -> np.nda
     """Force and torque on every body (times, bodies, 6) at the times `at` (s): the magnets'."""
     wrench = np.zeros((len(at), model.nbody, 6))
     if problem.field is not None:
-        field = np.array([problem.field_at(t) for t in at])
-        for k, (_, _, moment) in enumerate(problem.magnets):
-            wrench[:, model.body(f"lever{k}").id, :3] = field * (np.linalg.norm(moment) / LEVER)
+        field = problem.field_at(at)
+        for k, magnet in enumerate(problem.scene.magnets):
+            wrench[:, model.body(f"lever{k}").id, :3] = field * (magnet.moment / LEVER)
     return wrench
 
 
@@ -203,12 +196,12 @@ def _at_limit(problem: Problem, links: int, joint: str) -> Setting:
 
 def _xml(problem: Problem, setting: Setting) -> str:
     """The chain in MuJoCo's modelling language; the free end is the site "tip"."""
-    links, spacing = setting.links, problem.length / setting.links
+    rod, links, spacing = problem.scene.rod, setting.links, problem.scene.rod.length / setting.links
     joints = _joints(problem, setting.joint, spacing)
     body = f'<site name="tip" pos="{spacing / 2} 0 0"/>'
     for j in reversed(range(links)):
         size = spacing if j < links - 1 else spacing / 2
-        mass, section = problem.density * problem.area * size, problem.density * problem.second_moment * size
+        mass, section = rod.mass_per_length * size, rod.rotary_inertia_per_length * size
         across = mass * size**2 / 12 + section
         body = (
             f'<body pos="{spacing if j else spacing / 2} 0 0">{joints}'
@@ -216,7 +209,7 @@ def _xml(problem: Problem, setting: Setting) -> str:
             f"{_magnets(problem, (j + 0.5) * spacing, size)}"
             f"{body}</body>"
         )
-    gravity = " ".join(map(str, problem.gravity or (0.0, 0.0, 0.0)))
+    gravity = " ".join(map(str, problem.gravity))
     return (
         f'<mujoco><option timestep="{setting.time_step}" integrator="{setting.integrator}" gravity="{gravity}">'
         '<flag contact="disable" constraint="disable" autoreset="disable"/></option>'
@@ -226,27 +219,28 @@ def _xml(problem: Problem, setting: Setting) -> str:
 
 def _joints(problem: Problem, kind: str, spacing: float) -> str:
     """The joints between two links whose middles are `spacing` (m) apart."""
-    bending = problem.youngs_modulus * problem.second_moment
-    shear = problem.shear_modulus * problem.area
+    rod = problem.scene.rod
+    bending, shear = rod.bending_stiffness, rod.shear_stiffness
     if kind == CORRECTED:
         shear = 1 / (1 / shear + spacing**2 / (12 * bending))
-    stretch, twist = problem.youngs_modulus * problem.area, 2 * problem.shear_modulus * problem.second_moment
     axes = ("1 0 0", "0 1 0", "0 0 1")
-    found = [] if kind == BENDING else [("slide", axis, k) for axis, k in zip(axes, (stretch, shear, shear))]
+    found = (
+        [] if kind == BENDING else [("slide", axis, k) for axis, k in zip(axes, (rod.axial_stiffness, shear, shear))]
+    )
     found += [("hinge", axis, bending) for axis in axes[1:]]
-    if any(np.any(np.asarray(moment)[1:]) for _, _, moment in problem.magnets):
-        found.append(("hinge", axes[0], twist))
+    if problem.twists:
+        found.append(("hinge", axes[0], rod.torsional_stiffness))
     return "".join(f'<joint type="{kind}" axis="{axis}" stiffness="{k / spacing}"/>' for kind, axis, k in found)
 
 
 def _magnets(problem: Problem, start: float, size: float) -> str:
     """The magnets on a link that reaches over `size` from `start` (m): a point mass and a massless lever each."""
     text = ""
-    for k, (position, mass, moment) in enumerate(problem.magnets):
-        if start < position <= start + size * (1 + 1e-9):
-            out = LEVER * np.asarray(moment) / np.linalg.norm(moment)
+    for k, magnet in enumerate(problem.scene.magnets):
+        if start < magnet.position <= start + size * (1 + 1e-9):
+            out = LEVER * magnet.dipole_moment / magnet.moment
             lever = f'<body name="lever{k}" pos="{out[0]} {out[1]} {out[2]}">{_inertial(0.0, 0.0)}</body>'
-            text += f'<body pos="{position - start} 0 0">{_inertial(mass, 1e-14)}{lever}</body>'
+            text += f'<body pos="{magnet.position - start} 0 0">{_inertial(magnet.mass, 1e-14)}{lever}</body>'
     return text
 
 

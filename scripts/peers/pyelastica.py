@@ -10,26 +10,22 @@ Its other method, PEFRL, does twice the work a step; at the stable step, errors 
 from __future__ import annotations
 
 import math
+import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
 from multiprocessing import get_context
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
 
-from scripts.peers import (
-    CONTROL_TIME,
-    PeerRun,
-    Problem,
-    clock,
-    control_steps_per_second,
-    finished,
-    missing,
-    whole_steps,
-)
-from scripts.peers.pyelastica_rod import CORRECTED, HALF, PLAIN, Setting, at_limit, dipoles, rod
+from scripts.common.run import whole_steps
+from scripts.peers import CONTROL_TIME, PeerRun, Problem, control_steps_per_second, finished, missing
+from scripts.peers.pyelastica_rod import CORRECTED, HALF, PLAIN, Setting, at_limit, build, dipoles
+
+if TYPE_CHECKING:
+    import elastica
 
 NAME = "PyElastica"
 
@@ -81,13 +77,13 @@ def _simulate(problem: Problem, setting: Setting, times: np.ndarray) -> tuple[np
     rods = _Rods(problem, setting, 1, times[1] - times[0])
     step = rods.step
     middles = (np.arange(rods.count * (len(times) - 1)) + 0.5) * step
-    field = np.array([problem.field_at(at) for at in middles]).reshape(len(times) - 1, rods.count, 3)
+    field = problem.field_at(middles).reshape(len(times) - 1, rods.count, 3)
     tip, wall = [rods.tip()], 0.0
     for table in field:
         rods.field = table[:, None]
-        start = clock()
+        start = time.perf_counter()
         rods.advance(rods.count)
-        wall += clock() - start
+        wall += time.perf_counter() - start
         tip.append(rods.tip())
         if not np.all(np.isfinite(tip[-1])):
             return np.full((len(times), 3), np.nan), wall
@@ -106,17 +102,17 @@ class _Rods:
         self.count = whole_steps(interval, setting.time_step)
         self.step = interval / self.count
         self.stepper, self.simulator = elastica.PositionVerlet(), Simulator()
-        self.gravity = np.array(problem.gravity or (0.0, 0.0, 0.0))
-        self.kept = math.exp(-(problem.drag_rate or 0.0) * self.step)  # of the velocity after a step
+        self.gravity = problem.gravity
+        self.kept = math.exp(-problem.drag_rate * self.step)  # of the velocity after a step
         self.field, self.now = np.zeros((self.count, num_rods, 3)), 0  # T, in the middle of each step of an interval
         self.dipoles = dipoles(problem, setting)
-        self.rods = [rod(problem, setting) for _ in range(num_rods)]
+        self.rods = [build(problem, setting) for _ in range(num_rods)]
         for one in self.rods:
             self.simulator.append(one)
         clamp, loads = _operators(self)
         self.simulator.constrain(self.rods[0]).using(clamp)  # they act on the block, that is on all rods
         self.simulator.add_forcing_to(self.rods[0]).using(loads)
-        self.block: Any = None
+        self.block: elastica.MemoryBlockCosseratRod = None  # until all is in place
         self.simulator.finalize()
         (self.block,) = self.simulator.final_systems()
         self.starts = np.array([self.block.start_idx_in_rod_nodes, self.block.start_idx_in_rod_elems], dtype=np.int64)
@@ -138,21 +134,23 @@ def _operators(rods: _Rods) -> tuple[type, type]:
     import elastica
 
     class Clamp(elastica.ConstraintBase):
-        def constrain_values(self, system: Any, time: float) -> None:
+        def constrain_values(self, system: elastica.CosseratRod, time: float) -> None:
             """What does not move stays where it is."""
 
-        def constrain_rates(self, system: Any, time: float) -> None:
+        def constrain_rates(self, system: elastica.CosseratRod, time: float) -> None:
             if rods.block is not None:
                 _hold(rods.block.velocity_collection, rods.block.omega_collection, rods.kept, rods.starts)
 
     class Loads(elastica.NoForces):
-        def apply_forces(self, system: Any, time: float = 0.0) -> None:
+        def apply_forces(self, system: elastica.CosseratRod, time: float = 0.0) -> None:
             _weigh(rods.block.external_forces, rods.block.mass, rods.gravity, rods.starts[0], len(system.mass))
 
-        def apply_torques(self, system: Any, time: float = 0.0) -> None:
+        def apply_torques(self, system: elastica.CosseratRod, time: float = 0.0) -> None:
             block = rods.block
             field = rods.field[rods.now]
-            _turn(block.external_torques, block.director_collection, field, *rods.dipoles, rods.starts[1])
+            elements, moments, seen, felt = rods.dipoles
+            torque, turned = block.external_torques, block.director_collection
+            _turn(torque, turned, field, elements, moments, seen, felt, rods.starts[1])
 
     return Clamp, Loads
 

@@ -15,11 +15,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scripts.peers import Problem
+
+if TYPE_CHECKING:
+    import elastica
 
 PLAIN, HALF, CORRECTED = "plain", "half element", "corrected"
 
@@ -55,13 +58,13 @@ def at_limit(problem: Problem, elements: int, care: str) -> Setting:
     spacing, _ = _grid(problem, setting)
     shear, stretch = _stiffness(problem, setting)
     mass = _masses(problem, setting)[1:]  # node 0 and element 0 do not move
-    inertia = np.full(elements - 1, problem.density * problem.second_moment * spacing)
+    inertia = np.full(elements - 1, problem.scene.rod.rotary_inertia_per_length * spacing)
     chord = (np.eye(elements) - np.eye(elements, k=-1)) / spacing
     turn = np.eye(elements)[:, 1:]
     bend = np.diff(turn, axis=0) / spacing
     strain = np.hstack([chord, -turn])
     stiffness = spacing * strain.T @ (shear[:, None] * strain)
-    stiffness[elements:, elements:] += spacing * problem.youngs_modulus * problem.second_moment * bend.T @ bend
+    stiffness[elements:, elements:] += spacing * problem.scene.rod.bending_stiffness * bend.T @ bend
     across = eigh(stiffness, np.diag([*mass, *inertia]), eigvals_only=True)[-1]
     along = eigh(spacing * chord.T @ (stretch[:, None] * chord), np.diag(mass), eigvals_only=True)[-1]
     share = 0.9 if elements <= 40 else 0.55
@@ -71,39 +74,39 @@ def at_limit(problem: Problem, elements: int, care: str) -> Setting:
 def _grid(problem: Problem, setting: Setting) -> tuple[float, float]:
     """Element length and position of node 0 along the rod, m."""
     if setting.care == PLAIN:
-        return problem.length / setting.elements, 0.0
-    spacing = problem.length / (setting.elements - 0.5)
+        return problem.scene.rod.length / setting.elements, 0.0
+    spacing = problem.scene.rod.length / (setting.elements - 0.5)
     return spacing, -spacing / 2
 
 
 def _stiffness(problem: Problem, setting: Setting) -> tuple[np.ndarray, np.ndarray]:
     """Shear and stretch stiffness (elements,) N."""
     spacing, _ = _grid(problem, setting)
-    shear = np.full(setting.elements, problem.shear_modulus * problem.area)
-    stretch = np.full(setting.elements, problem.youngs_modulus * problem.area)
+    rod = problem.scene.rod
+    shear, stretch = (np.full(setting.elements, value) for value in (rod.shear_stiffness, rod.axial_stiffness))
     if setting.care == CORRECTED:  # MacNeal 1978
-        shear = 1 / (1 / shear + spacing**2 / (12 * problem.youngs_modulus * problem.second_moment))
+        shear = 1 / (1 / shear + spacing**2 / (12 * rod.bending_stiffness))
     if setting.care != PLAIN:
         shear[0] *= 2
         stretch[0] *= 2
     return shear, stretch
 
 
-def rod(problem: Problem, setting: Setting) -> Any:
+def build(problem: Problem, setting: Setting) -> elastica.CosseratRod:
     """PyElastica's rod along x with the magnets' masses on its nodes."""
     import elastica
 
-    spacing, start = _grid(problem, setting)
+    rod, (spacing, start) = problem.scene.rod, _grid(problem, setting)
     made = elastica.CosseratRod.straight_rod(
         setting.elements,
         np.array([start, 0.0, 0.0]),
         np.array([1.0, 0.0, 0.0]),
         np.array([0.0, 1.0, 0.0]),
         setting.elements * spacing,
-        problem.diameter / 2,
-        problem.density,
-        youngs_modulus=problem.youngs_modulus,
-        shear_modulus=problem.shear_modulus,
+        rod.width / 2,
+        rod.density,
+        youngs_modulus=rod.youngs_modulus,
+        shear_modulus=rod.shear_modulus,
     )
     shear, stretch = _stiffness(problem, setting)
     for axis, stiffness in enumerate((shear, shear, stretch)):
@@ -119,21 +122,22 @@ def _masses(problem: Problem, setting: Setting) -> np.ndarray:
     share[[0, -1]] = 0.5
     if setting.care == CORRECTED:  # Gregory's weights; what happens at the clamped end does not matter
         share[-3:] = 23 / 24, 7 / 6, 3 / 8
-    mass = problem.density * problem.area * spacing * share
-    for position, magnet, _ in problem.magnets:
-        for node, part in _shares(position, start, spacing, len(mass), setting.care):
-            mass[node] += part * magnet
+    mass = problem.scene.rod.mass_per_length * spacing * share
+    for magnet in problem.scene.magnets:
+        for node, part in _shares(magnet.position, start, spacing, len(mass), setting.care):
+            mass[node] += part * magnet.mass
     return mass
 
 
 def dipoles(problem: Problem, setting: Setting) -> tuple[np.ndarray, ...]:
     """The magnets for `_turn`: two elements each (K, 2), moments (K, 3) A m^2 along the directors (y, z, x), shares."""
     spacing, start = _grid(problem, setting)
-    elements, shares = np.zeros((len(problem.magnets), 2), dtype=np.int64), np.zeros((len(problem.magnets), 2))
-    for k, (position, _, _) in enumerate(problem.magnets):
-        found = _shares(position, start + spacing / 2, spacing, setting.elements, setting.care)
+    magnets = problem.scene.magnets
+    elements, shares = np.zeros((len(magnets), 2), dtype=np.int64), np.zeros((len(magnets), 2))
+    for k, magnet in enumerate(magnets):
+        found = _shares(magnet.position, start + spacing / 2, spacing, setting.elements, setting.care)
         elements[k], shares[k] = zip(*found)
-    moments = np.array([np.roll(moment, -1) for _, _, moment in problem.magnets]).reshape(-1, 3)
+    moments = np.array([np.roll(magnet.dipole_moment, -1) for magnet in magnets]).reshape(-1, 3)
     return elements, moments, shares, np.clip(shares, 0.0, 1.0)
 
 

@@ -17,23 +17,21 @@ from __future__ import annotations
 
 import math
 import os
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scripts.peers import (
-    CONTROL_STEPS,
-    CONTROL_TIME,
-    PeerRun,
-    Problem,
-    clock,
-    control_steps_per_second,
-    finished,
-    missing,
-    whole_steps,
-)
+from scripts.common.run import whole_steps
+from scripts.peers import CONTROL_STEPS, CONTROL_TIME, PeerRun, Problem, control_steps_per_second, finished, missing
+
+if TYPE_CHECKING:
+    import jax
+    from soromox.systems.gvs import GVS
+
+    State = tuple[jax.Array, jax.Array]  # coordinates and velocities
 
 NAME = "SoRoMoX"
 RUNGE_KUTTA, LEAPFROG = "Runge-Kutta", "leapfrog"
@@ -70,9 +68,10 @@ def settings(problem: Problem, quick: bool = False) -> list[Setting]:
     """The best set-ups found, from quick to exact; one if `quick`."""
     if quick:
         return [at_limit(problem, 2, None, LEAPFROG)]
-    chosen = [(1, None, RUNGE_KUTTA), (2, None, LEAPFROG), (2, None, RUNGE_KUTTA), (3, None, RUNGE_KUTTA)]
-    chosen += [(3, 1, LEAPFROG), (5, 2, LEAPFROG)]
-    return [at_limit(problem, *orders) for orders in chosen]
+    orders: list[tuple[int, int | None, str]] = [(n, None, RUNGE_KUTTA) for n in (1, 2, 3)]
+    orders.insert(1, (2, None, LEAPFROG))
+    orders += [(3, 1, LEAPFROG), (5, 2, LEAPFROG)]
+    return [at_limit(problem, *each) for each in orders]
 
 
 def run(problem: Problem, setting: Setting, times: np.ndarray, repeats: int = 3) -> PeerRun:
@@ -88,10 +87,10 @@ def run(problem: Problem, setting: Setting, times: np.ndarray, repeats: int = 3)
     go(state, fields)[1].block_until_ready()  # compiles
 
     def simulate() -> tuple[np.ndarray, float]:
-        start = clock()
+        start = time.perf_counter()
         path = go(state, fields)[1].block_until_ready()
-        wall = clock() - start
-        return np.vstack([[problem.length, 0.0, 0.0], robot.tips(path)]), wall
+        wall = time.perf_counter() - start
+        return np.vstack([[problem.scene.rod.length, 0.0, 0.0], robot.tips(path)]), wall
 
     return finished(NAME, setting, problem, times, simulate, repeats)
 
@@ -135,7 +134,7 @@ def at_limit(problem: Problem, bending: int, strains: int | None, method: str) -
 def _fields(problem: Problem, interval: float, intervals: int, count: int) -> np.ndarray:
     """Field (intervals, steps, 3, 3) T at the start, middle and end of each of `count` steps of each interval (s)."""
     at = np.arange(2 * intervals * count + 1) * (interval / (2 * count))
-    field = np.array([problem.field_at(t) for t in at])
+    field = problem.field_at(at)
     return np.stack([field[:-1:2], field[1::2], field[2::2]], axis=1).reshape(intervals, count, 3, 3)
 
 
@@ -146,30 +145,29 @@ class _Robot:
         self.problem, self.method = problem, setting.method
         self.model = _model(problem, setting)
         self.size = self.model.num_velocities
-        self.gravity = np.array(problem.gravity or (0.0, 0.0, 0.0))
 
-    def equations(self, q: Any, v: Any, field: Any) -> tuple[Any, Any]:
+    def equations(self, q: jax.Array, v: jax.Array, field: jax.Array) -> State:
         """Inertia (size, size) and generalised force (size,), magnets and drag included."""
         import jax.numpy as jnp
 
         inertia, coriolis, weight = self.model.dynamics_terms(q, v)
         force = -coriolis - weight - self.model.K @ q
-        for position, mass, moment in self.problem.magnets:
-            pose, local, local_rate = self.model._jacobian_and_time_derivative_bodyframe_terms(q, v, position)
+        for magnet in self.problem.scene.magnets:
+            pose, local, local_rate = self.model._jacobian_and_time_derivative_bodyframe_terms(q, v, magnet.position)
             jacobian, rate = self.model._body_jacobian_time_derivative_to_inertial(pose, local, local_rate, v)
             turn, move = jacobian[:3], jacobian[3:]
-            inertia = inertia + mass * move.T @ move
-            force = force + mass * move.T @ (self.gravity - rate[3:] @ v)
-            force = force + turn.T @ jnp.cross(pose[:3, :3] @ jnp.asarray(moment), field)
-        return inertia, force - (self.problem.drag_rate or 0.0) * (inertia @ v)
+            inertia = inertia + magnet.mass * move.T @ move
+            force = force + magnet.mass * move.T @ (self.problem.gravity - rate[3:] @ v)
+            force = force + turn.T @ jnp.cross(pose[:3, :3] @ jnp.asarray(magnet.dipole_moment), field)
+        return inertia, force - self.problem.drag_rate * (inertia @ v)
 
-    def acceleration(self, q: Any, v: Any, field: Any) -> Any:
+    def acceleration(self, q: jax.Array, v: jax.Array, field: jax.Array) -> jax.Array:
         """Of the coordinates (size,)."""
         import jax.numpy as jnp
 
         return jnp.linalg.solve(*self.equations(q, v, field))
 
-    def at_rest(self, step: float, field: np.ndarray) -> tuple[Any, Any]:
+    def at_rest(self, step: float, field: np.ndarray) -> State:
         """The straight rod; for leapfrog the velocity belongs to half a step (s) earlier."""
         rest = np.zeros(self.size)
         if self.method == RUNGE_KUTTA:
@@ -182,18 +180,18 @@ class _Robot:
 
         advance = self._runge_kutta if self.method == RUNGE_KUTTA else self._leapfrog
 
-        def many(state: Any, fields: Any) -> tuple[Any, Any]:
+        def many(state: State, fields: jax.Array) -> tuple[State, jax.Array]:
             state, _ = jax.lax.scan(lambda now, field: (advance(now, field, step), None), state, fields)
             return state, state[0]
 
         return many
 
-    def _leapfrog(self, state: Any, fields: Any, step: float) -> tuple[Any, Any]:
+    def _leapfrog(self, state: State, fields: jax.Array, step: float) -> State:
         q, v = state
         v = v + step * self.acceleration(q, v, fields[0])
         return q + step * v, v
 
-    def _runge_kutta(self, state: Any, fields: Any, step: float) -> tuple[Any, Any]:
+    def _runge_kutta(self, state: State, fields: jax.Array, step: float) -> State:
         q, v = state
         a1 = self.acceleration(q, v, fields[0])
         v2 = v + step / 2 * a1
@@ -204,14 +202,16 @@ class _Robot:
         a4 = self.acceleration(q + step * v3, v4, fields[2])
         return q + step / 6 * (v + 2 * v2 + 2 * v3 + v4), v + step / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
 
-    def tips(self, path: Any) -> np.ndarray:
+    def tips(self, path: jax.Array) -> np.ndarray:
         """Positions (T, 3) m of the free end for coordinates (T, size)."""
         import jax
 
-        return np.array(jax.vmap(lambda q: self.model._forward_kinematics(q, self.problem.length)[:3, 3])(path))
+        return np.array(
+            jax.vmap(lambda q: self.model._forward_kinematics(q, self.problem.scene.rod.length)[:3, 3])(path)
+        )
 
 
-def _model(problem: Problem, setting: Setting) -> Any:
+def _model(problem: Problem, setting: Setting) -> GVS:
     """One fixed segment along x with the strains that the setting asks for."""
     flags = os.environ.get("XLA_FLAGS", "")
     if "xla_cpu_multi_thread_eigen" not in flags:
@@ -223,21 +223,20 @@ def _model(problem: Problem, setting: Setting) -> Any:
     from soromox.systems.gvs import GVS
     from soromox.systems.gvs.specs import GVSSegment, StrainBasisSpec
 
-    twisted = any(np.any(np.asarray(moment)[1:]) for _, _, moment in problem.magnets)
-    strained = setting.strains is not None
+    rod, strained = problem.scene.rod, setting.strains is not None
     link = LinkSpec.circular(
-        length=problem.length,
-        radius=problem.diameter / 2,
-        density=problem.density,
+        length=rod.length,
+        radius=rod.width / 2,
+        density=rod.density,
         reference_strain=[0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
-        young_modulus=problem.youngs_modulus,
-        shear_modulus=problem.shear_modulus,
+        young_modulus=rod.youngs_modulus,
+        shear_modulus=rod.shear_modulus,
     )
-    basis = StrainBasisSpec(
-        "legendre",
-        [int(twisted), 1, 1, *3 * [int(strained)]],
+    used, orders = (
+        [int(problem.twists), 1, 1, *3 * [int(strained)]],
         [*3 * [setting.bending], *3 * [setting.strains or 0]],
     )
+    basis = StrainBasisSpec("legendre", used, orders)
     segment = GVSSegment(link, JointSpec(type="fixed"), basis, num_gauss_points=max(5, setting.bending + 2))
     upright = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # unit quaternion, scalar last, and position
-    return GVS.from_segments([segment], gravity=np.array(problem.gravity or (0.0, 0.0, 0.0)), base_pose=upright)
+    return GVS.from_segments([segment], gravity=problem.gravity, base_pose=upright)

@@ -10,8 +10,9 @@ import numpy as np
 from magrod_env import Simulation, load_scene
 from magrod_env.magnetics import dipole_moment
 from magrod_env.scenes import nodal_stiffening, paper_scene
-from scripts import Check, Report, Table
-from scripts.accuracy import tip_stiffness
+from scripts.accuracy.rest import tip_stiffness
+from scripts.common.cases import GRAVITY as G
+from scripts.common.report import Report
 from scripts.reproduction.printed import (
     FORCE,
     FORCE_PER_LENGTH,
@@ -20,9 +21,9 @@ from scripts.reproduction.printed import (
     TABLES,
     TIP_WEIGHT,
     implied_ranges,
+    stated,
 )
 
-G = 9.81
 ROUND = "paper4_pdms_tip_magnet"
 Row = tuple[str, str, str, str]
 
@@ -114,7 +115,7 @@ def design_rows() -> Iterator[Row]:
         + ", ".join(f"{table.stretch / table.shear - stretch_ratio(name):.2f}" for name, table in TABLES.items()),
     )
     for name, table in TABLES.items():
-        step = paper_scene(name).paper_time_step
+        step = stated(paper_scene(name).paper_time_step)
         bounds = [nodal(name, shaped=shaped).stable_time_step for shaped in (False, True)]
         yield (
             f"{table.source}, time step",
@@ -126,7 +127,8 @@ def design_rows() -> Iterator[Row]:
     yield ("Table 6, F^c of the last node", f"{TIP_WEIGHT:.3g}", "with the magnet's 0.096 g", _tip_weight())
     for name in TABLES:
         record = paper_scene(name)
-        closed, found = record.stiffening, tip_stiffness(record.scene.rod, "nodal", record.num_elements)
+        closed = stated(record.stiffening)
+        found = tip_stiffness(record.scene.rod, "nodal", stated(record.num_elements))
         yield (
             f"section 5, frequency shaping, rod of {TABLES[name].source}",
             "gamma, fitted",
@@ -143,13 +145,13 @@ def stretch_ratio(name: str) -> float:
 def _remanence() -> str:
     scene, record = load_scene("paper5_circle", modulus="effective"), paper_scene("paper5_circle")
     magnet, rod = scene.magnets[0], scene.rod
-    volume = math.pi / 4.0 * magnet.diameter**2 * magnet.length
-    lever = record.rotating_field * rod.length**2 / (2.0 * rod.bending_stiffness)
+    volume, field = math.pi / 4.0 * stated(magnet.diameter) ** 2 * stated(magnet.length), stated(record.rotating_field)
+    lever = field * rod.length**2 / (2.0 * rod.bending_stiffness)
     radii = [
         f"{1e3 * lever * dipole_moment(remanence, volume):.2g} mm with {unit}"
         for remanence, unit in ((1.345e-3, "mT"), (1.345, "T"))
     ]
-    return f"linear radius of the circle in {1e3 * record.rotating_field:g} mT: {', '.join(radii)}"
+    return f"linear radius of the circle in {1e3 * field:g} mT: {', '.join(radii)}"
 
 
 def _tip_mass() -> str:
@@ -163,7 +165,7 @@ def _tip_mass() -> str:
 
 def _tip_weight() -> str:
     scene = load_scene(ROUND)
-    h = scene.rod.length / paper_scene(ROUND).num_elements
+    h = scene.rod.length / stated(paper_scene(ROUND).num_elements)
     weights = [
         f"{G * (scene.rod.mass_per_length + mass / h) / FORCE_PER_LENGTH:.4g} with {words}"
         for mass, words in ((scene.magnets[0].mass, "0.096 g"), (1e-3 * scene.magnets[0].mass, "0.096 mg"))
@@ -174,7 +176,7 @@ def _tip_weight() -> str:
 def other_rows() -> Iterator[Row]:
     """Further findings of docs/audit.md that are arithmetic."""
     record = paper_scene("paper2_aluminium_out_of_plane")
-    first, second = record.initial_tip_offset
+    first, second = stated(record.initial_tip_offset)
     angles = ", ".join(f"{math.degrees(math.asin(x / record.scene.rod.length)):.2f}" for x in (first, second))
     yield (
         "section 4.1, start of experiment 2",
@@ -193,20 +195,21 @@ def other_rows() -> Iterator[Row]:
         )
     ranges = [1e3 * value for value in implied_ranges(ROUND).values()]
     record = paper_scene(ROUND)
-    rise = abs(1e3 * record.scene.rod.length * math.sin(math.radians(record.initial_tip_deflection_deg)))
+    angle = stated(record.initial_tip_deflection_deg)
+    rise = abs(1e3 * record.scene.rod.length * math.sin(math.radians(angle)))
     yield (
         "section 4.2, axes of experiment 4",
         "E2 and E3",
         "E3 is across the rod",
         f"error over its share: {ranges[0]:.1f} mm along E2, {ranges[1]:.1f} mm along E3; "
-        f"a chord at {-record.initial_tip_deflection_deg} degrees needs {rise:.1f} mm",
+        f"a chord at {-angle} degrees needs {rise:.1f} mm",
     )
     scene, record = load_scene("paper5_circle"), paper_scene("paper5_circle")
     magnet, rod = scene.magnets[0], scene.rod
     level = G * rod.length * (rod.mass_per_length * rod.length / 6.0 + magnet.mass / 2.0) / magnet.moment
     yield (
         "section 4.3, field against gravity",
-        f"{1e3 * record.gravity_compensation_field:g} mT, no direction",
+        f"{1e3 * stated(record.gravity_compensation_field):g} mT, no direction",
         "upwards",
         f"w L²/6 + W L/2 = m B levels the tip at {1e3 * level:.2f} mT",
     )
@@ -231,8 +234,12 @@ def other_rows() -> Iterator[Row]:
 
 def audit(report: Report) -> None:
     """Both tables, and checks of what they rest on."""
-    columns = ("where", "printed", "what holds", "arithmetic")
-    report.show("audit", Table("Audit: what changes the simulations", columns, list(design_rows())))
-    report.show("audit_more", Table("Audit: more that is arithmetic", columns, list(other_rows())))
+    columns = "where | printed | what holds | arithmetic"
+    for key, title, rows in (
+        ("audit", "Audit: what changes the simulations", design_rows()),
+        ("audit_more", "Audit: more that is arithmetic", other_rows()),
+    ):
+        with report.table(key, title, columns) as table:
+            table.rows += rows
     worst = max(abs(ratio - 1.0) for some in table_ratios().values() for ratio in some)
-    report.checks.append(Check("audit", "Tables 3-7 in mg: largest relative distance of an entry", worst, 0.02, ""))
+    report.check("audit", "Tables 3-7 in mg: largest relative distance of an entry", worst, 0.02)

@@ -10,12 +10,13 @@ import numpy as np
 
 from magrod_env import load_scene
 from magrod_env.magnetics import FieldCourse
-from magrod_env.scenes import PaperScene, nodal_stiffening, paper_scene
-from scripts import Report, Table
+from magrod_env.scenes import PaperScene, paper_scene
+from scripts.common.cases import smoothstep
+from scripts.common.report import Report
+from scripts.common.starts import FIRST_ROOT
 from scripts.reproduction import runs
-from scripts.reproduction.printed import implied_ranges
+from scripts.reproduction.printed import implied_ranges, stated
 from scripts.reproduction.runs import DAMPED, DRAG, EFFECTIVE, NODAL, PRINTED, SHAPED, Model, Run, span
-from scripts.stability.stiff import FIRST_ROOT
 
 RISE = 0.5  # s: of the turning field
 TURN = 2.0  # s: of the tip around its circle; the paper does not state it
@@ -47,11 +48,11 @@ class Experiment:
         field = FIELDS[self.number](record, duration) if self.number in FIELDS else None
         strongest = 0.0 if field is None else float(np.linalg.norm(field.fields, axis=1).max())
         simulation = runs.build(record, model, plane=self.plane, field=strongest)
-        stiffening = nodal_stiffening(record.scene.rod, record.num_elements) if model == NODAL else 1.0
+        stiffening = stated(record.stiffening) if model == NODAL else 1.0
         if self.number in (1, 2):
             runs.release(simulation, start_offset(record), stiffening)
         elif self.number == 4:
-            runs.swing_to(simulation, math.radians(record.initial_tip_deflection_deg))
+            runs.swing_to(simulation, math.radians(stated(record.initial_tip_deflection_deg)))
         elif field is not None:
             simulation.reset(field=field(0.0))
         return runs.follow(model, simulation, duration, self.interval, field)
@@ -61,23 +62,23 @@ def start_offset(record: PaperScene) -> tuple[float, float]:
     """Offset (y, z) m of the tip at the start of experiments 1 and 2; an angle is taken as the chord's."""
     if record.initial_tip_offset is not None:
         return record.initial_tip_offset
-    return 0.0, record.scene.rod.length * math.sin(math.radians(record.initial_tip_deflection_deg))
+    return 0.0, record.scene.rod.length * math.sin(math.radians(stated(record.initial_tip_deflection_deg)))
 
 
 def circling_field(record: PaperScene, duration: float) -> FieldCourse:
     """B_g upwards, and B_u turning about the rod after a smooth rise."""
     times = np.arange(0.0, duration + COURSE_STEP, COURSE_STEP)
-    share = np.minimum(times / RISE, 1.0)
-    size = record.rotating_field * share**2 * (3.0 - 2.0 * share)
+    size = stated(record.rotating_field) * np.array([smoothstep(at / RISE) for at in times])
     angle = 2.0 * np.pi * times / TURN
     across = np.stack([0.0 * times, size * np.cos(angle), size * np.sin(angle)], axis=1)
-    return FieldCourse(times=times, fields=across + (0.0, 0.0, record.gravity_compensation_field))
+    return FieldCourse(times=times, fields=across + (0.0, 0.0, stated(record.gravity_compensation_field)))
 
 
 def turning_down_field(record: PaperScene, duration: float) -> FieldCourse:
     """From 20 mT upwards to 19.85 mT downwards, turning smoothly past the rod's direction: a path of our own."""
     share = np.arange(0.0, 1.0 + 1e-9, COURSE_STEP / duration)
-    size = record.initial_field + (record.final_field - record.initial_field) * share
+    first, last = stated(record.initial_field), stated(record.final_field)
+    size = first + (last - first) * share
     angle = np.pi * (0.5 - share**2 * (3.0 - 2.0 * share))
     fields = np.stack([size * np.cos(angle), 0.0 * share, size * np.sin(angle)], axis=1)
     return FieldCourse(times=duration * share, fields=fields)
@@ -88,9 +89,11 @@ FIELDS = {5: circling_field, 6: turning_down_field}
 POLYMER = (NODAL, SHAPED, PRINTED, EFFECTIVE, DAMPED)
 METAL = (NODAL, SHAPED, PRINTED)
 _PDMS = load_scene("paper4_pdms_tip_magnet").rod.youngs_modulus
-_LOCKED = _PDMS * paper_scene("paper6_two_magnets").stiffening
+_LOCKED = _PDMS * stated(paper_scene("paper6_two_magnets").stiffening)
 TENTH = Model(f"nodal, {1e-3 * _PDMS:.0f} kPa", "nodal", _PDMS)  # a tenth of what Table 7 holds
 TENTH_EFFECTIVE = Model(f"helical, {1e-6 * _LOCKED:.2f} MPa", "helical", _LOCKED)
+CIRCLING = tuple(model.damped() for model in (NODAL, SHAPED, PRINTED, EFFECTIVE))
+TURNING = tuple(model.damped() for model in (*METAL, TENTH, TENTH_EFFECTIVE))
 EXPERIMENTS = (
     Experiment(1, "aluminium rod, in a plane", "paper1_aluminium_in_plane", "xz", METAL, (1.5, 0.06), 1e-4),
     Experiment(2, "aluminium rod, out of a plane", "paper2_aluminium_out_of_plane", None, METAL, (1.5, 0.01), 1e-4),
@@ -98,24 +101,8 @@ EXPERIMENTS = (
         3, "PDMS rod without magnet, released straight", "paper3_pdms_no_magnet", "xz", POLYMER, (1.5, 1.5), 2e-3
     ),
     Experiment(4, "PDMS rod with tip magnet, released bent", "paper4_pdms_tip_magnet", "xz", POLYMER, (2.0, 2.0), 2e-3),
-    Experiment(
-        5,
-        "tip magnet on a circle",
-        "paper5_circle",
-        None,
-        tuple(model.damped() for model in (NODAL, SHAPED, PRINTED, EFFECTIVE)),
-        (4.0, 2.5),
-        1e-2,
-    ),
-    Experiment(
-        6,
-        "two magnets in a plane",
-        "paper6_two_magnets",
-        "xz",
-        tuple(model.damped() for model in (*METAL, TENTH, TENTH_EFFECTIVE)),
-        (7.5, 7.5),
-        1e-2,
-    ),
+    Experiment(5, "tip magnet on a circle", "paper5_circle", None, CIRCLING, (4.0, 2.5), 1e-2),
+    Experiment(6, "two magnets in a plane", "paper6_two_magnets", "xz", TURNING, (7.5, 7.5), 1e-2),
 )
 
 
@@ -130,6 +117,11 @@ def range_of(axis: int, point: int = 0) -> Callable[[Run], float]:
 def first(axis: int) -> Callable[[Run], float]:
     """A coordinate of the tip at the start, mm."""
     return lambda run: MILLI * float(run.tip[0, axis])
+
+
+def last(axis: int) -> Callable[[Run], float]:
+    """A coordinate of the tip at the end, mm."""
+    return lambda run: MILLI * float(run.tip[-1, axis])
 
 
 def frequency_along(axis: int) -> Callable[[Run], float | None]:
@@ -230,7 +222,7 @@ def magnets_rows(experiment: Experiment) -> Rows:
             rows.append((f"{words}: {letter}, range, mm", either, range_of(axis, point)))
     for axis in (2, 0):
         letter = "xyz"[axis]
-        rows.append((f"tip: {letter} at the end, mm", "not printed", lambda run, a=axis: MILLI * float(run.tip[-1, a])))
+        rows.append((f"tip: {letter} at the end, mm", "not printed", last(axis)))
     return rows
 
 
@@ -260,14 +252,11 @@ def note(experiment: Experiment) -> str:
 
 def show(report: Report, experiment: Experiment, made: list[Run]) -> None:
     """The experiment's table."""
-    table = Table(
-        f"Experiment {experiment.number}: {experiment.title}",
-        ("", "the paper", *(run.model.name for run in made)),
-        note=note(experiment),
-    )
-    for words, printed, measure in ROWS[experiment.number](experiment):
-        table.rows.append((words, printed, *(measure(run) for run in made)))
-    report.show(f"experiment_{experiment.number}", table)
+    title = f"Experiment {experiment.number}: {experiment.title}"
+    columns = f" | the paper | {' | '.join(run.model.name for run in made)}"
+    with report.table(f"experiment_{experiment.number}", title, columns, note(experiment)) as table:
+        for words, printed, measure in ROWS[experiment.number](experiment):
+            table.add(words, printed, *(measure(run) for run in made))
 
 
 def show_readings(report: Report) -> None:
@@ -275,35 +264,33 @@ def show_readings(report: Report) -> None:
     experiment = EXPERIMENTS[3]
     record, (full, _) = experiment.record, experiment.durations
     ranges = implied_ranges(record.name)
-    table = Table(
+    with report.table(
+        "experiment_4_angle",
         "Experiment 4: whose angle is printed?",
-        ("angle of", "model", "z of the tip at the start, mm", "z (across): range, mm", "x (along): range, mm"),
-        [("(Table 8)", "the paper", None, MILLI * ranges["tip", "E3"], MILLI * ranges["tip", "E2"])],
-    )
-    for words, measure in (("the chord", runs.chord_angle), ("the tip's tangent", runs.tangent_angle)):
-        for model in (EFFECTIVE, DAMPED):
-            simulation = runs.build(record, model, plane=experiment.plane)
-            runs.swing_to(simulation, math.radians(record.initial_tip_deflection_deg), measure)
-            run = runs.follow(model, simulation, full, experiment.interval)
-            table.rows.append((words, model.name, first(2)(run), range_of(2)(run), range_of(0)(run)))
-    report.show("experiment_4_angle", table)
+        "angle of | model | z of the tip at the start, mm | z (across): range, mm | x (along): range, mm",
+    ) as table:
+        table.add("(Table 8)", "the paper", None, MILLI * ranges["tip", "E3"], MILLI * ranges["tip", "E2"])
+        for words, measure in (("the chord", runs.chord_angle), ("the tip's tangent", runs.tangent_angle)):
+            for model in (EFFECTIVE, DAMPED):
+                simulation = runs.build(record, model, plane=experiment.plane)
+                runs.swing_to(simulation, math.radians(stated(record.initial_tip_deflection_deg)), measure)
+                run = runs.follow(model, simulation, full, experiment.interval)
+                table.add(words, model.name, first(2)(run), range_of(2)(run), range_of(0)(run))
 
 
 def show_steps(report: Report, made: dict[int, list[Run]]) -> None:
     """Which time step every run took, beside the paper's and the bound."""
-    table = Table(
+    with report.table(
+        "steps",
         "Elements, time steps and run times",
-        (
-            *("experiment", "model", "N", "paper's step, s", "bound, s", "paper's step / bound", "taken, s"),
-            *("simulated, s", "run time, s"),
-        ),
-        note="Bound: of the straight rod without field. The nodal element takes the paper's step, or 0.9 of the bound "
+        "experiment | model | N | paper's step, s | bound, s | paper's step / bound | taken, s | simulated, s | "
+        "run time, s",
+        "Bound: of the straight rod without field. The nodal element takes the paper's step, or 0.9 of the bound "
         "(in the experiment's field) where it is beyond that; the helical element its default.",
-    )
-    for number, some in made.items():
-        for run in some:
-            simulation, step = run.simulation, paper_scene(EXPERIMENTS[number - 1].name).paper_time_step
-            bound = simulation.stable_time_step
-            row = (number, run.model.name, simulation.num_elements, step, bound, step / bound, simulation.time_step)
-            table.rows.append((*row, float(run.times[-1]), run.wall))
-    report.show("steps", table)
+    ) as table:
+        for number, some in made.items():
+            step = stated(EXPERIMENTS[number - 1].record.paper_time_step)
+            for run in some:
+                bound, taken = run.simulation.stable_time_step, run.simulation.time_step
+                row = (number, run.model.name, run.simulation.num_elements, step, bound, step / bound, taken)
+                table.add(*row, float(run.times[-1]), run.wall)

@@ -9,10 +9,12 @@ from tqdm import tqdm
 
 from magrod_env import Scene, Simulation, load_scene
 from magrod_env.scenes import nodal_stiffening
-from scripts import Check, Report, Table
+from scripts.common.report import Report
+from scripts.common.run import Options, build
+from scripts.common.starts import pluck
 from scripts.reproduction import runs
+from scripts.reproduction.printed import stated
 from scripts.reproduction.runs import NODAL, PRINTED, SHAPED, Run
-from scripts.stability.stiff import pluck
 
 PERIODS = 20  # over which a frequency is counted
 SMALL = 1e-3  # of the length: a swing in which the rod is linear
@@ -56,7 +58,7 @@ def swing_frequency(simulation: Simulation) -> float:
     simulation.reset()
     pluck(simulation, (0.0, SMALL * simulation.scene.rod.length))
     run = runs.follow(PRINTED, simulation, (PERIODS + 0.6) * period, period / SAMPLES)
-    return runs.frequency(run.times, run.tip[:, 2])
+    return stated(runs.frequency(run.times, run.tip[:, 2]))
 
 
 def count_frequencies(scene: Scene, counts: tuple[int, ...], words: str) -> Frequencies:
@@ -64,14 +66,8 @@ def count_frequencies(scene: Scene, counts: tuple[int, ...], words: str) -> Freq
     found: dict[str, list[float]] = {model.name: [] for model in ELEMENTS}
     for count in tqdm(counts, desc=words, leave=False):
         for model in ELEMENTS:
-            simulation = Simulation(
-                weightless(scene),
-                num_elements=count,
-                element=model.element,
-                frequency_shaping=model.shaping,
-                plane="xz",
-            )
-            found[model.name].append(swing_frequency(simulation))
+            options: Options = {"num_elements": count, "element": model.element, "frequency_shaping": model.shaping}
+            found[model.name].append(swing_frequency(build(weightless(scene), options, plane="xz")))
     return Frequencies(counts, found, [nodal_stiffening(scene.rod, count) for count in counts])
 
 
@@ -80,28 +76,22 @@ def frequencies(report: Report, quick: bool) -> dict[str, Frequencies]:
     made = {}
     for key, (words, scene) in zip(("section5", "magnet"), RODS.items()):
         one = made[words] = count_frequencies(scene, QUICK_COUNTS if quick else COUNTS, words)
-        table = Table(
+        gammas = one.gammas(NODAL.name)
+        with report.table(
+            f"frequency_{key}",
             f"Frequency against the number of elements: {words}",
-            (
-                *("N", *(f"{model.name}, Hz" for model in ELEMENTS), "gamma as printed, nodal"),
-                *("1 + GA h²/(4 EI)", "their ratio", "gamma that corrects: its reciprocal"),
-            ),
-            note=f"Small swings, counted over {PERIODS} periods of a run. gamma as printed: (frequency with N elements "
+            f"N | {' | '.join(f'{model.name}, Hz' for model in ELEMENTS)} | gamma as printed, nodal | "
+            "1 + GA h²/(4 EI) | their ratio | gamma that corrects: its reciprocal",
+            f"Small swings, counted over {PERIODS} periods of a run. gamma as printed: (frequency with N elements "
             "over the true one) squared; true: helical element, the largest N.",
-        )
-        for row, count in enumerate(one.counts):
-            gamma, closed = one.gammas(NODAL.name)[row], one.closed[row]
-            values = (one.found[model.name][row] for model in ELEMENTS)
-            table.rows.append((count, *values, gamma, closed, gamma / closed, 1.0 / closed))
-        report.show(f"frequency_{key}", table)
-        ratios = [row[6] for row in table.rows if row[0] >= 10]
-        report.checks.append(
-            Check("gamma", f"{words}, N >= 10: gamma from the closed one", max(abs(r - 1.0) for r in ratios), 0.03, "")
-        )
+        ) as table:
+            for row, (count, gamma, closed) in enumerate(zip(one.counts, gammas, one.closed)):
+                values = (one.found[model.name][row] for model in ELEMENTS)
+                table.add(count, *values, gamma, closed, gamma / closed, 1.0 / closed)
+        far = max(abs(row[6] - 1.0) for row in table.rows if row[0] >= 10)
+        report.check("gamma", f"{words}, N >= 10: gamma from the closed one", far, 0.03)
         ten = one.found[PRINTED.name][one.counts.index(10)]
-        report.checks.append(
-            Check("frequency", f"{words}, helical, N = 10: from the finest", abs(ten / one.true - 1.0), 1e-3, "")
-        )
+        report.check("frequency", f"{words}, helical, N = 10: from the finest", abs(ten / one.true - 1.0), 1e-3)
     return made
 
 
@@ -132,27 +122,25 @@ def scaled_motion(quick: bool) -> dict[str, Scaled]:
             stiffening = nodal_stiffening(scene.rod, 10) if model == NODAL else 1.0
             runs.release(simulation, (0.0, LARGE * scene.rod.length), stiffening)
             found.append(runs.follow(model, simulation, duration * scale, 2.5e-3 * scale))
-        made[model.name] = Scaled(*found, ratio=ratio)
+        high, low, low_fine = found
+        made[model.name] = Scaled(high, low, low_fine, ratio)
     return made
 
 
 def scaling(report: Report, quick: bool) -> dict[str, Scaled]:
     """Fig. 16 as a table."""
     made = scaled_motion(quick)
-    table = Table(
+    with report.table(
+        "scaling",
         "Fig. 16: one motion at two moduli",
-        (
-            *("element, N = 10", "f at 5e7 Pa, Hz", "f at 5e5 Pa, Hz", "ratio", "the paper"),
-            *("largest distance, steps in the ratio, mm", "the same step, mm"),
-        ),
-        note="Distance of the tips at times in the ratio 10. The paper states neither loads nor start: here no "
+        "element, N = 10 | f at 5e7 Pa, Hz | f at 5e5 Pa, Hz | ratio | the paper | "
+        "largest distance, steps in the ratio, mm | the same step, mm",
+        "Distance of the tips at times in the ratio 10. The paper states neither loads nor start: here no "
         f"gravity, released in the first mode at {LARGE:g} of the length.",
-    )
-    for name, one in made.items():
-        high, low = (runs.frequency(run.times, run.tip[:, 2]) for run in (one.high, one.low))
-        apart = [1e3 * float(np.linalg.norm(run.tip - one.high.tip, axis=1).max()) for run in (one.low, one.low_fine)]
-        ratio = high / low if high and low else None
-        table.rows.append((name, high, low, ratio, f"{one.ratio:g} (from the moduli)", *apart))
-        report.checks.append(Check("Fig. 16", f"{name}: distance of the scaled motions", apart[0], 1e-6, "mm"))
-    report.show("scaling", table)
+    ) as table:
+        for name, one in made.items():
+            high, low = (runs.frequency(run.times, run.tip[:, 2]) for run in (one.high, one.low))
+            off = [1e3 * float(np.linalg.norm(run.tip - one.high.tip, axis=1).max()) for run in (one.low, one.low_fine)]
+            table.add(name, high, low, high / low if high and low else None, f"{one.ratio:g} (from the moduli)", *off)
+            report.check("Fig. 16", f"{name}: distance of the scaled motions", off[0], 1e-6, "mm")
     return made

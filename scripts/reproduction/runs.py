@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -13,7 +12,10 @@ import numpy as np
 from magrod_env import Simulation, load_scene
 from magrod_env.magnetics import FieldCourse
 from magrod_env.scenes import PaperScene
-from scripts.stability.stiff import pluck
+from scripts.common import run
+from scripts.common.run import Options
+from scripts.common.starts import pluck
+from scripts.reproduction.printed import stated
 
 SHARE_OF_BOUND = 0.9  # where the paper's time step lies beyond the bound
 DRAG = 5.0  # 1/s: this project's choice, the paper prints none
@@ -41,20 +43,22 @@ EFFECTIVE = Model("helical, effective E", "helical", "effective")
 DAMPED = EFFECTIVE.damped()
 
 
-@dataclass
-class Run:
-    """A course: times (K,) s and positions (K, points, 3) m, the tip first; `wall` is its run time, s."""
+@dataclass(frozen=True)
+class Run(run.Course):
+    """The course (K, points, 3) m of the magnets, or of the tip where there are none, of a model's simulation."""
 
     model: Model
     simulation: Simulation
-    times: np.ndarray
-    points: np.ndarray
-    wall: float
+
+    @property
+    def points(self) -> np.ndarray:
+        """Positions, the tip's first, (K, points, 3) m."""
+        return self.seen
 
     @property
     def tip(self) -> np.ndarray:
         """Positions of the tip, (K, 3) m."""
-        return self.points[:, 0]
+        return self.seen[:, 0]
 
 
 def build(record: PaperScene, model: Model, *, plane: str | None, field: float = 0.0) -> Simulation:
@@ -63,28 +67,20 @@ def build(record: PaperScene, model: Model, *, plane: str | None, field: float =
     The nodal element takes the paper's time step, or 0.9 of the bound where it is beyond that; the helical its default.
     """
     scene = load_scene(record.name, modulus=model.modulus).replace(drag_rate=model.drag)
-    options = dict(num_elements=record.num_elements, element=model.element, plane=plane)
-    simulation = Simulation(scene, frequency_shaping=model.shaping, **options)
-    if model.element == "helical":
-        return simulation
-    step, bound = record.paper_time_step, simulation.stable_time_step_in(field)
-    step = step if step <= bound else SHARE_OF_BOUND * bound
-    return Simulation(scene, frequency_shaping=model.shaping, time_step=step, **options)
+    options: Options = {"num_elements": record.num_elements, "element": model.element, "plane": plane}
+    simulation = run.build(scene, options, frequency_shaping=model.shaping)
+    if model.element == "nodal":
+        step, bound = stated(record.paper_time_step), simulation.stable_time_step_in(field)
+        simulation.time_step = step if step <= bound else SHARE_OF_BOUND * bound
+    return simulation
 
 
 def follow(
     model: Model, simulation: Simulation, duration: float, interval: float, field: FieldCourse | None = None
 ) -> Run:
     """Positions of the magnets, or of the tip where there are none, from now on."""
-    nodes = list(simulation.magnet_nodes) or [simulation.num_elements]
-    count = round(duration / interval)
-    points = [simulation.positions[0, nodes]]
-    start = time.perf_counter()
-    for _ in range(count):
-        simulation.advance(interval, field)
-        points.append(simulation.positions[0, nodes])
-    wall = time.perf_counter() - start
-    return Run(model, simulation, interval * np.arange(count + 1), np.array(points), wall)
+    course = run.follow(simulation, run.samples(duration, interval), field, see=run.magnets)
+    return Run(course.times, course.seen, course.wall, model, simulation)
 
 
 # ---- starts
@@ -97,7 +93,8 @@ def release(simulation: Simulation, offset: tuple[float, float], stiffening: flo
     which the element is too stiff in bending: it swings faster, so it must also start faster.
     """
     simulation.reset()
-    pluck(simulation, tuple(math.sqrt(stiffening) * part for part in offset))
+    faster = math.sqrt(stiffening)
+    pluck(simulation, (faster * offset[0], faster * offset[1]))
     simulation.advance(0.25 / float(simulation.natural_frequencies()[0]))
 
 

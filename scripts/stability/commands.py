@@ -4,34 +4,23 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import Any
 
 import gymnasium
 import numpy as np
 from tqdm import tqdm
 
 import magrod_env  # noqa: F401  (registers the ids)
-from agents.rollout import REAL_RODS
+from agents.rollout import REAL_RODS, core_of
 from magrod_env.registration import IDS
 from magrod_env.simulation.simulation import _SYMPTOMS, PRECISIONS
-from scripts import Check, Report, Table
+from scripts.common.report import Report
 
 EVERY = (1, 2, 3, 4, 6, 9)  # control steps between flips
 SIGNS = ("in phase", "drawn anew")
 LEAST_STEPS = 1e6  # of all rods of an id together
-RODS: dict[str, dict[str, Any]] = {"nominal": {}, "randomised": {"randomization": REAL_RODS}}
-
-
-@dataclass(frozen=True)
-class Size:
-    """Ids, environments of a batch, control steps of a pattern of commands."""
-
-    ids: tuple[str, ...]
-    envs: int
-    steps: int
-
-
-SIZES = {True: Size(("MagRod/PlanarReach-v0",), 16, 18), False: Size(tuple(IDS), 64, 400)}
+RODS = {"nominal": None, "randomised": REAL_RODS}
+SIZES = {True: (("MagRod/PlanarReach-v0",), 16, 18), False: (tuple(IDS), 64, 400)}
+"""Ids, environments of a batch, control steps of a pattern of commands, by whether quick."""
 
 
 @dataclass
@@ -61,13 +50,13 @@ def flips(rng: np.random.Generator, shape: tuple[int, ...], every: int, signs: s
     return np.repeat(held, every, axis=0)[:steps]
 
 
-def drive(batch: Any, commands: np.ndarray) -> Fate:
+def drive(batch: gymnasium.vector.VectorEnv, commands: np.ndarray) -> Fate:
     """Run a batch of environments, whose ended episodes begin anew in the next step."""
     fate, over = Fate(), np.zeros(batch.num_envs, bool)
     batch.reset(seed=0)
     for action in commands:
         _, _, terminated, truncated, info = batch.step(action)
-        status = batch.unwrapped.core.batch.status
+        status = core_of(batch).batch.status
         fate.steps += int((~over).sum())
         fate.lost.update(_SYMPTOMS[int(one)] for one in status[terminated])
         fate.unreported += int((~np.isfinite(info["tip_position"]).all(axis=1) & ~terminated).sum())
@@ -77,39 +66,37 @@ def drive(batch: Any, commands: np.ndarray) -> Fate:
 
 def commands(report: Report, quick: bool) -> None:
     """Rods that are lost under commands at the coils' limit, nominal and randomised, in both precisions."""
-    size = SIZES[quick]
-    table = Table(
+    ids, envs, steps = SIZES[quick]
+    losses, done, lost, unreported = [], Counter[str](), 0, 0
+    patterns = [(every, signs) for every in EVERY for signs in SIGNS]
+    with report.table(
+        "commands",
         "Environments under bang-bang commands at the coils' limit",
-        ("id", "rods", "precision", "elements", "rotary scaling", "substeps of 20 ms", "control steps", "lost"),
-        note=f"Flips every {', '.join(map(str, EVERY))} control steps: of all coils in phase, each with a sign of its "
+        "id | rods | precision | elements | rotary scaling | substeps of 20 ms | control steps | lost",
+        f"Flips every {', '.join(map(str, EVERY))} control steps: of all coils in phase, each with a sign of its "
         "own, and with signs drawn anew. A lost rod is reported, its episode ends and a new one begins.",
-    )
-    losses = Table("Rods lost under bang-bang commands", ("id", "rods", "precision", "flips every", "signs", "lost"))
-    done, lost, unreported = Counter[str](), 0, 0
-    cases = [(name, rods, precision) for name in size.ids for rods in RODS for precision in PRECISIONS]
-    with tqdm(total=len(cases) * len(EVERY) * len(SIGNS), desc="commands", leave=False) as bar:
-        for name, rods, precision in cases:
-            batch = gymnasium.make_vec(name, num_envs=size.envs, precision=precision, **RODS[rods])
-            total, gone = 0, 0
-            for number, (every, signs) in enumerate((every, signs) for every in EVERY for signs in SIGNS):
-                rng = np.random.default_rng(number)
-                fate = drive(batch, flips(rng, batch.action_space.shape, every, signs, size.steps))
+    ) as table:
+        cases = [(name, rods, precision) for name in ids for rods in RODS for precision in PRECISIONS]
+        for name, rods, precision in tqdm(cases, desc="commands", leave=False):
+            batch = gymnasium.make_vec(name, num_envs=envs, precision=precision, randomization=RODS[rods])
+            total, gone, shape = 0, 0, batch.action_space.shape or ()
+            for number, (every, signs) in enumerate(patterns):
+                fate = drive(batch, flips(np.random.default_rng(number), shape, every, signs, steps))
                 words = ", ".join(f"{count}: {symptom}" for symptom, count in fate.lost.most_common())
                 if words:
-                    losses.rows.append((name, rods, precision, every, signs, words))
+                    losses.append((name, rods, precision, every, signs, words))
                 total, gone = total + fate.steps, gone + fate.lost.total()
                 unreported += fate.unreported
-                bar.update()
-            core = batch.unwrapped.core
+            core = core_of(batch)
             about = (core.num_elements, core.resolution.rotary_scaling, core.num_steps)
-            table.rows.append((name, rods, precision, *about, total, gone))
+            table.add(name, rods, precision, *about, total, gone)
             done[name], lost = done[name] + total, lost + gone
-    report.show("commands", table)
-    if losses.rows:
-        report.show("commands_lost", losses)
-    report.checks.append(Check("commands", "rods lost", float(lost), 0.0, ""))
-    report.checks.append(Check("commands", "tips that are not finite and not reported", float(unreported), 0.0, ""))
+    if losses:
+        columns = "id | rods | precision | flips every | signs | lost"
+        with report.table("commands_lost", "Rods lost under bang-bang commands", columns) as table:
+            table.rows = losses
+    report.check("commands", "rods lost", float(lost), 0.0)
+    report.check("commands", "tips that are not finite and not reported", float(unreported), 0.0)
     if not quick:
-        fewest = float(min(done.values()))
         what = "control steps of rods, least of all ids"
-        report.checks.append(Check("commands", what, fewest, LEAST_STEPS, "", at_least=True))
+        report.check("commands", what, float(min(done.values())), LEAST_STEPS, at_least=True)

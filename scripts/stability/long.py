@@ -8,8 +8,9 @@ import numpy as np
 from tqdm import tqdm
 
 from magrod_env import Scene, Simulation, load_scene
-from scripts import Check, Report, Table
-from scripts.stability.drawing import first_period
+from scripts.common.report import Report
+from scripts.common.run import follow, samples
+from scripts.stability.scenes import first_period
 
 FIELD = (5e-3, 0.0, 0.0)  # T, along the rod
 STEPS = {False: 100_000_000, True: 200_000}  # rod steps of one run
@@ -17,6 +18,11 @@ SAMPLES = {False: 2000, True: 100}
 PIECES = 20
 SHARE = 0.5  # of the stability bound
 QUANTITIES = ("energy", "axial momentum", "quaternion norm", "orthogonality")
+
+LIMITS = {
+    "float64": {"energy": 1e-3, "axial momentum": 1e-11, "quaternion norm": 1e-14, "orthogonality": 1e-14},
+    "float32": {"energy": 1e-1, "axial momentum": 1e-2, "quaternion norm": 1e-6, "orthogonality": 1e-6},
+}
 
 Series = dict[str, np.ndarray]
 
@@ -52,39 +58,31 @@ def axial_momentum(simulation: Simulation) -> np.ndarray:
     return simulation.angular_momentum()[:, 0] - simulation.rods.motion.momenta[:, 1:, 0].sum(axis=1)
 
 
-def sample(simulation: Simulation) -> dict[str, np.ndarray]:
-    """The quantities, (num_rods,) each; norm and orthogonality as deviations."""
+def sample(simulation: Simulation) -> np.ndarray:
+    """QUANTITIES and the kinetic energy, (5, num_rods); norm and orthogonality as deviations."""
     quaternions, rotations = simulation.rods.motion.quaternions, simulation.rotations
-    skew = np.swapaxes(rotations, -1, -2) @ rotations - np.eye(3)
-    return {
-        "energy": simulation.energy(),
-        "axial momentum": axial_momentum(simulation),
-        "quaternion norm": np.abs(np.linalg.norm(quaternions, axis=-1) - 1.0).max(axis=1),
-        "orthogonality": np.abs(skew).max(axis=(1, 2, 3)),
-    }
+    skew = np.abs(np.swapaxes(rotations, -1, -2) @ rotations - np.eye(3)).max(axis=(1, 2, 3))
+    norm = np.abs(np.linalg.norm(quaternions, axis=-1) - 1.0).max(axis=1)
+    kinetic = simulation.energies()["kinetic"]
+    return np.array([simulation.energy(), axial_momentum(simulation), norm, skew, kinetic], float)
 
 
-def watch(num_rods: int, precision: str, steps: int, samples: int) -> tuple[Series, int]:
-    """Errors of the quantities over a run, (samples, num_rods) each, and the steps that it took; energy relative to
+def watch(num_rods: int, precision: str, steps: int, count: int) -> tuple[Series, int]:
+    """Errors of the quantities over a run, (count, num_rods) each, and the steps that it took; energy relative to
     the largest kinetic, momentum relative to itself.
     """
     scene = swinging_scene()
-    options = dict(num_rods=num_rods, num_elements=6, precision=precision, num_threads=1)
-    step = SHARE * Simulation(scene, num_elements=6).stable_time_step
-    simulation = Simulation(scene, time_step=step, **options)
+    step, each = SHARE * Simulation(scene, num_elements=6).stable_time_step, -(-steps // count)
+    simulation = Simulation(
+        scene, num_rods=num_rods, num_elements=6, precision=precision, time_step=step, num_threads=1
+    )
     start_swinging(simulation)
-    start, seen, kinetic = sample(simulation), [], np.zeros(num_rods)
-    each = -(-steps // samples)
-    for _ in tqdm(range(samples), desc=f"{num_rods} rods, {precision}", leave=False):
-        simulation.advance(each * step)
-        seen.append(sample(simulation))
-        kinetic = np.maximum(kinetic, simulation.energies()["kinetic"])
-    scales = {"energy": kinetic, "axial momentum": np.abs(start["axial momentum"])}
-    series = {}
-    for name in QUANTITIES:
-        found = np.array([one[name] for one in seen])
-        series[name] = (found - start[name]) / scales[name] if name in scales else found
-    return series, each * samples
+    times = samples(count * each * step, each * step)
+    seen = follow(simulation, times, see=sample).seen
+    energy, momentum, norm, skew, kinetic = np.moveaxis(seen[1:], 1, 0)
+    start = seen[0]
+    errors = (energy - start[0]) / kinetic.max(axis=0), (momentum - start[1]) / np.abs(start[1]), norm, skew
+    return dict(zip(QUANTITIES, errors)), each * count
 
 
 def drift(errors: np.ndarray) -> tuple[float, float]:
@@ -106,45 +104,26 @@ def verdict(errors: np.ndarray) -> str:
 
 def long(report: Report, quick: bool) -> dict[str, Series]:
     """Long runs in both precisions, one rod and many."""
-    table = Table(
+    kept = {}
+    with report.table(
+        "long",
         f"Long runs: {STEPS[quick]:,} rod steps each, 6 elements, half of the stability bound, undamped swing in space",
-        (
-            "precision",
-            "rods",
-            "steps of each",
-            "what",
-            "largest, first twentieth",
-            "largest, last twentieth",
-            "drift over the run",
-            "its standard error",
-            "drift per step",
-            "",
-        ),
-        note="Energy in units of the largest kinetic energy. Axial momentum: what the symmetry about the rod's line "
+        "precision | rods | steps of each | what | largest, first twentieth | largest, last twentieth | "
+        "drift over the run | its standard error | drift per step | ",
+        "Energy in units of the largest kinetic energy. Axial momentum: what the symmetry about the rod's line "
         "conserves although the clamp takes linear and angular momentum; relative. Norm and orthogonality: largest "
         "of all sections. Drift: straight line through the means of twentieths of the run, worst rod.",
-    )
-    kept = {}
-    for precision in ("float64", "float32"):
-        for num_rods in (64,) if quick else (64, 1):
+    ) as table:
+        runs = [(precision, rods) for precision in LIMITS for rods in ((64,) if quick else (64, 1))]
+        for precision, num_rods in tqdm(runs, desc="long runs", leave=False):
             series, steps = watch(num_rods, precision, STEPS[quick] // num_rods, SAMPLES[quick])
             kept[f"{precision}, {num_rods} rod{'s' if num_rods > 1 else ''}"] = series
-            for name in QUANTITIES:
-                errors = series[name]
+            for name, errors in series.items():
                 piece = len(errors) // PIECES
                 first, last = (float(np.abs(some).max()) for some in (errors[:piece], errors[-piece:]))
                 slope, error = drift(errors)
-                words = verdict(errors)
-                row = (precision, num_rods, steps, name, first, last, slope, error, slope / steps, words)
-                table.rows.append(row)
-                limits = LIMITS[precision][name]
+                row = (precision, num_rods, steps, name, first, last, slope, error, slope / steps)
+                table.add(*row, verdict(errors))
                 what = f"{precision}, {num_rods} x {steps:,} steps: {name}"
-                report.checks.append(Check("long", what, float(np.abs(errors).max()), limits, ""))
-    report.show("long", table)
+                report.check("long", what, float(np.abs(errors).max()), LIMITS[precision][name])
     return kept
-
-
-LIMITS = {
-    "float64": {"energy": 1e-3, "axial momentum": 1e-11, "quaternion norm": 1e-14, "orthogonality": 1e-14},
-    "float32": {"energy": 1e-1, "axial momentum": 1e-2, "quaternion norm": 1e-6, "orthogonality": 1e-6},
-}

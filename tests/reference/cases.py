@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .spectral_rod import Case, Magnet
+from scripts.reference.spectral_rod import Case, Magnet
 
 TIMES = np.linspace(0.0, 2.0, 201)
 OWN_TIMES = {

@@ -13,9 +13,11 @@ from scipy.integrate import solve_bvp
 from scipy.linalg import block_diag, eigh, expm, lu_factor, lu_solve
 from scipy.optimize import brentq
 
+from scripts.reference.spectral_rod import Mesh
+
 from .cases import ALUMINIUM, DYNAMIC, EQUILIBRIA, OWN_TIMES, ROUND, TIMES, inner_cuts
 from .make_reference import FILE, REFERENCE, trajectory
-from .spectral_rod import Mesh, gauss_collocation
+from .solving import gauss_collocation
 
 
 def exact_frequencies(case, count):

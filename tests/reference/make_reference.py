@@ -10,8 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from scripts.reference.spectral_rod import Mesh, to_world
+
 from .cases import DYNAMIC, EQUILIBRIA, LAYERS, OWN_TIMES, TIMES, inner_cuts
-from .spectral_rod import Mesh, to_world
+from .solving import equilibrium as rest
+from .solving import run_implicit
 
 FILE = Path(__file__).with_name("reference.npz")
 REFERENCE = dict(elements=8, degree=8, tolerance=1e-9)
@@ -54,7 +57,7 @@ def trajectory(case, times=TIMES, *, elements, degree, tolerance=None, steps=Non
     A rod without magnets is watched at its tip. Either a tolerance (explicit) or steps a sample (implicit).
     """
     mesh = Mesh(case, degree, inner_cuts(case, elements))
-    states = mesh.run(times, tolerance) if steps is None else mesh.run_implicit(times, steps)
+    states = mesh.run(times, tolerance) if steps is None else run_implicit(mesh, times, steps)
     watched = mesh.magnet_node or [mesh.count - 1]
     q = np.array([mesh.split(y)[1][watched] for y in states])
     tangent = np.stack(to_world(np.moveaxis(q, -1, 0), (1.0, 0.0, 0.0)), axis=-1)
@@ -86,7 +89,7 @@ def equilibrium(case, cuts, degree):
         loaded = replace(case, gravity=weight * np.array(case.gravity), gradient=pull * np.array(case.gradient))
         mesh = Mesh(loaded, degree, cuts)
         try:
-            state, share = mesh.equilibrium(pull * case.field(0.0), state), goal
+            state, share = rest(mesh, pull * case.field(0.0), state), goal
         except RuntimeError:
             step /= 2
             if step < 1e-4:

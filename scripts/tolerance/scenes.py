@@ -1,7 +1,4 @@
-"""Random rods, magnets and field courses on which scripts/tolerance.py tests what `tolerance` promises.
-
-Each trial follows from a seed and an index alone, so any one can be made again by itself.
-"""
+"""Random rods, magnets and field courses; each trial follows from a seed and an index alone."""
 
 from __future__ import annotations
 
@@ -11,18 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from magrod_env import Magnet, Rod, Scene
+from scripts.common.cases import GRAVITY
+from scripts.common.draws import direction, log_uniform
 
 NUM_RODS = 8
 DURATION, CONTROL_TIME = 2.0, 0.02  # s
 LARGEST_FIELD = 0.1  # T
 LOADS = (0.1, 2.0)  # sum of moments times field times length over bending stiffness
 MAGNET_DENSITY = 7500.0  # kg/m^3
-GRAVITY = 9.81  # m/s^2
 
 Range = tuple[float, float]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, slots=True)
 class Family:
     """Rods of one make: ranges of modulus (Pa, drawn by its logarithm), diameter and length (m), density (kg/m^3) and
     Poisson's ratio; ``magnet_diameter`` is over the rod's.
@@ -37,36 +35,10 @@ class Family:
 
 
 FAMILIES = {
-    "soft PDMS": Family(
-        youngs_modulus=(0.3e6, 3e6),
-        diameter=(2e-3, 5e-3),
-        length=(40e-3, 90e-3),
-        density=(965.0, 1100.0),
-        poissons_ratio=(0.45, 0.5),
-    ),
-    "stiff elastomer": Family(
-        youngs_modulus=(5e6, 100e6),
-        diameter=(1e-3, 3e-3),
-        length=(50e-3, 120e-3),
-        density=(965.0, 1200.0),
-        poissons_ratio=(0.45, 0.5),
-    ),
-    "NiTi wire": Family(
-        youngs_modulus=(30e9, 80e9),
-        diameter=(0.2e-3, 0.6e-3),
-        length=(60e-3, 150e-3),
-        density=(6450.0, 6450.0),
-        poissons_ratio=(0.33, 0.33),
-        magnet_diameter=(1.2, 2.5),
-    ),
-    "aluminium": Family(
-        youngs_modulus=(70e9, 70e9),
-        diameter=(0.5e-3, 2e-3),
-        length=(100e-3, 250e-3),
-        density=(2700.0, 2700.0),
-        poissons_ratio=(0.33, 0.33),
-        magnet_diameter=(1.0, 1.5),
-    ),
+    "soft PDMS": Family((0.3e6, 3e6), (2e-3, 5e-3), (40e-3, 90e-3), (965.0, 1100.0), (0.45, 0.5)),
+    "stiff elastomer": Family((5e6, 100e6), (1e-3, 3e-3), (50e-3, 120e-3), (965.0, 1200.0), (0.45, 0.5)),
+    "NiTi wire": Family((30e9, 80e9), (0.2e-3, 0.6e-3), (60e-3, 150e-3), (6450.0, 6450.0), (0.33, 0.33), (1.2, 2.5)),
+    "aluminium": Family((70e9, 70e9), (0.5e-3, 2e-3), (0.1, 0.25), (2700.0, 2700.0), (0.33, 0.33), (1.0, 1.5)),
 }
 
 
@@ -108,17 +80,11 @@ def make_trial(seed: int, index: int) -> Trial:
         spin_drag_rate=[None, 100.0][random.integers(2)],
     )
     load_of_one_tesla = sum(magnet.moment for magnet in scene.magnets) * rod.length / rod.bending_stiffness
-    magnitude = min(_log_uniform(random, LOADS) / load_of_one_tesla, LARGEST_FIELD)
+    magnitude = min(log_uniform(random, *LOADS) / load_of_one_tesla, LARGEST_FIELD)
     courses = [field_course(random, plane is not None or k % 4 == 3) for k in range(NUM_RODS)]
+    load, fields = magnitude * load_of_one_tesla, magnitude * np.stack(courses, axis=1)
     return Trial(
-        seed=seed,
-        index=index,
-        family=name,
-        scene=scene,
-        plane=plane,
-        magnitude=magnitude,
-        load=magnitude * load_of_one_tesla,
-        fields=magnitude * np.stack(courses, axis=1),
+        seed=seed, index=index, family=name, scene=scene, plane=plane, magnitude=magnitude, load=load, fields=fields
     )
 
 
@@ -141,7 +107,7 @@ def _rod(random: np.random.Generator, family: Family) -> Rod:
         length=random.uniform(*family.length),
         diameter=random.uniform(*family.diameter),
         density=random.uniform(*family.density),
-        youngs_modulus=_log_uniform(random, family.youngs_modulus),
+        youngs_modulus=log_uniform(random, *family.youngs_modulus),
         poissons_ratio=random.uniform(*family.poissons_ratio),
     )
 
@@ -151,35 +117,28 @@ def _magnets(random: np.random.Generator, rod: Rod, family: Family) -> tuple[Mag
     first, second = random.uniform(0.3, 0.8), random.uniform(0.3, 0.8)
     if abs(first - second) < 0.1:
         second = first + 0.1 if first < 0.55 else first - 0.1
-    magnets = []
-    for place in (1.0, first, second)[: random.integers(1, 4)]:
-        diameter = rod.width * random.uniform(*family.magnet_diameter)
-        length = diameter * random.uniform(1.0, 2.0)
-        opposed = place < 1.0 and random.random() < 1.0 / 3.0
-        magnet = Magnet.cylinder(
-            position=place * rod.length,
-            diameter=diameter,
-            length=length,
-            mass=MAGNET_DENSITY * math.pi / 4.0 * diameter**2 * length,
-            remanence=random.uniform(1.2, 1.4),
-            direction=(-1.0 if opposed else 1.0, 0.0, 0.0),
-        )
-        magnets.append(magnet)
-    return tuple(magnets)
+    places = (1.0, first, second)[: random.integers(1, 4)]
+    return tuple(_magnet(random, rod, family, place) for place in places)
+
+
+def _magnet(random: np.random.Generator, rod: Rod, family: Family, place: float) -> Magnet:
+    diameter = rod.width * random.uniform(*family.magnet_diameter)
+    length = diameter * random.uniform(1.0, 2.0)
+    opposed = place < 1.0 and random.random() < 1.0 / 3.0
+    return Magnet.cylinder(
+        position=place * rod.length,
+        diameter=diameter,
+        length=length,
+        mass=MAGNET_DENSITY * math.pi / 4.0 * diameter**2 * length,
+        remanence=random.uniform(1.2, 1.4),
+        direction=(-1.0 if opposed else 1.0, 0.0, 0.0),
+    )
 
 
 def _gravity(random: np.random.Generator, plane: str | None) -> tuple[float, float, float] | None:
     """None for three in ten; else mostly downwards, for the rest in any direction."""
-    kind, direction = random.random(), random.normal(size=3)
+    kind = random.random()
+    x, y, z = GRAVITY * direction(random, plane)
     if kind < 0.3:
         return None
-    if kind < 0.85:
-        return (0.0, 0.0, -GRAVITY)
-    if plane is not None:
-        direction[1] = 0.0
-    x, y, z = GRAVITY * direction / np.linalg.norm(direction)
-    return float(x), float(y), float(z)
-
-
-def _log_uniform(random: np.random.Generator, bounds: Range) -> float:
-    return math.exp(random.uniform(math.log(bounds[0]), math.log(bounds[1])))
+    return (0.0, 0.0, -GRAVITY) if kind < 0.85 else (float(x), float(y), float(z))

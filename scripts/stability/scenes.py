@@ -9,8 +9,9 @@ import numpy as np
 
 from magrod_env import Magnet, Rod, Scene
 from magrod_env.magnetics import dipole_moment
+from scripts.common.cases import GRAVITY
+from scripts.common.draws import direction, log_uniform
 
-GRAVITY = 9.81  # m/s^2
 SMALL_TURN = (1e-2, 0.3)  # rad: how far a field beyond the critical one lies off the line against the dipole
 COURSES = ("step", "reversal", "ramp", "antiparallel", "resonance", "turning", "flips", "random")
 SUDDEN = ("flips", "random")  # courses with many sudden changes
@@ -150,28 +151,24 @@ def draw(seed: int, quick: bool = False) -> Trial:
     kind = kinds[rng.choice(len(kinds), p=weights / weights.sum())]
     rod = _rod(rng)
     magnets = _magnets(rng, rod, kind)
-    scene = Scene(
-        rod=rod,
-        magnets=magnets,
-        gravity=tuple(GRAVITY * _direction(rng, kind.plane)) if kind.gravity else None,
-        drag_rate=_rate(rng, rod, magnets) if kind.drag else None,
-        internal_damping=None,
-    )
-    num_elements = max(len(scene.segment_ends), int(_log(rng, 1.0, 17.0 if quick else 65.0)))
+    gravity = tuple(GRAVITY * direction(rng, kind.plane)) if kind.gravity else None
+    drag_rate = _rate(rng, rod, magnets) if kind.drag else None
+    scene = Scene(rod=rod, magnets=magnets, gravity=gravity, drag_rate=drag_rate)
+    num_elements = max(len(scene.segment_ends), int(log_uniform(rng, 1.0, 17.0 if quick else 65.0)))
     if kind.damping:
         scene = scene.replace(internal_damping=_damping(rng, scene, num_elements))
     course = COURSES[rng.choice(len(COURSES), p=np.array(WEIGHTS) / sum(WEIGHTS))]
-    first = _direction(rng, kind.plane)
+    first = direction(rng, kind.plane)
     if course == "antiparallel" and magnets:
         against = -np.sum([magnet.dipole_moment for magnet in magnets], axis=0)
         if np.linalg.norm(against) > 0.0:
-            turned = against / np.linalg.norm(against) + _log(rng, *SMALL_TURN) * first
+            turned = against / np.linalg.norm(against) + log_uniform(rng, *SMALL_TURN) * first
             first = turned / np.linalg.norm(turned)
-    second = np.cross(first, (0.0, 1.0, 0.0)) if kind.plane else np.cross(first, _direction(rng, None))
+    second = np.cross(first, (0.0, 1.0, 0.0)) if kind.plane else np.cross(first, direction(rng))
     second = second / np.linalg.norm(second)
     conditioned = rng.random() < 0.25
     field = _magnitude(rng, rod, magnets, course)
-    periods = rng.uniform(1.0, 4.0) if rng.random() < 0.85 else _log(rng, 4.0, 40.0)
+    periods = rng.uniform(1.0, 4.0) if rng.random() < 0.85 else log_uniform(rng, 4.0, 40.0)
     changes, shares = np.empty(0), np.empty((0, 3))
     if course in SUDDEN:
         holds = _holds(rng)
@@ -191,35 +188,19 @@ def draw(seed: int, quick: bool = False) -> Trial:
         num_elements=num_elements,
         share=_share(rng, kind) if rng.random() < 0.4 else None,
         told=bool(rng.random() < 0.7),
-        axial_softening=_log(rng, 1.0, 1e4) if conditioned else 1.0,
-        rotary_scaling=_log(rng, 1.0, 1e4) if conditioned else 1.0,
+        axial_softening=log_uniform(rng, 1.0, 1e4) if conditioned else 1.0,
+        rotary_scaling=log_uniform(rng, 1.0, 1e4) if conditioned else 1.0,
         changes=changes,
         shares=shares,
     )
 
 
-def _log(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(math.exp(rng.uniform(math.log(low), math.log(high))))
-
-
-def _direction(rng: np.random.Generator, plane: str | None) -> np.ndarray:
-    vector = rng.normal(size=3)
-    if plane == "xz":
-        vector[1] = 0.0
-    return vector / np.linalg.norm(vector)
-
-
 def _rod(rng: np.random.Generator) -> Rod:
-    length, slenderness = _log(rng, 5e-3, 0.5), _log(rng, 3.0, 2000.0)
-    make = Rod.circular if rng.random() < 0.8 else Rod.square
-    size = {"diameter" if make == Rod.circular else "edge": length / slenderness}
-    return make(
-        length=length,
-        density=rng.uniform(900.0, 8000.0),
-        youngs_modulus=_log(rng, 1e3, 200e9),
-        poissons_ratio=rng.uniform(0.0, 0.5),
-        **size,
-    )
+    length, slenderness = log_uniform(rng, 5e-3, 0.5), log_uniform(rng, 3.0, 2000.0)
+    is_round, density = rng.random() < 0.8, rng.uniform(900.0, 8000.0)
+    modulus, ratio, width = log_uniform(rng, 1e3, 200e9), rng.uniform(0.0, 0.5), length / slenderness
+    common = {"length": length, "density": density, "youngs_modulus": modulus, "poissons_ratio": ratio}
+    return Rod.circular(diameter=width, **common) if is_round else Rod.square(edge=width, **common)
 
 
 def _magnets(rng: np.random.Generator, rod: Rod, kind: Kind) -> tuple[Magnet, ...]:
@@ -231,10 +212,10 @@ def _magnets(rng: np.random.Generator, rod: Rod, kind: Kind) -> tuple[Magnet, ..
         at_tip = number == 0 and rng.random() < 0.7
         position = rod.length * (1.0 if at_tip else rng.uniform(0.02, 0.999))
         volume = 0.25 * math.pi * (rng.uniform(0.2, 1.0) * rod.width) ** 2 * rng.uniform(0.3, 3.0) * rod.width
-        along = (1.0, 0.0, 0.0) if rng.random() < 0.6 else tuple(_direction(rng, kind.plane))
+        along = (1.0, 0.0, 0.0) if rng.random() < 0.6 else tuple(direction(rng, kind.plane))
         if rng.random() < 0.3:
             along = tuple(-x for x in along)
-        mass = 7500.0 * volume if rng.random() < 0.6 else rod.mass * _log(rng, 1e-3, 100.0)
+        mass = 7500.0 * volume if rng.random() < 0.6 else rod.mass * log_uniform(rng, 1e-3, 100.0)
         moment = dipole_moment(rng.uniform(1.0, 1.4), volume)
         magnets.append(Magnet(position=position, moment=moment, mass=mass, direction=along))
     return tuple(magnets)
@@ -244,7 +225,7 @@ def _rate(rng: np.random.Generator, rod: Rod, magnets: tuple[Magnet, ...]) -> fl
     """Drag, 1/s: up to a hundredfold critical."""
     if rng.random() < 0.2:
         return 0.0
-    return _log(rng, 1e-2, 1e2) * 2.0 * math.pi / first_period(Scene(rod=rod, magnets=magnets))
+    return log_uniform(rng, 1e-2, 1e2) * 2.0 * math.pi / first_period(Scene(rod=rod, magnets=magnets))
 
 
 def _damping(rng: np.random.Generator, scene: Scene, num_elements: int) -> float:
@@ -252,17 +233,17 @@ def _damping(rng: np.random.Generator, scene: Scene, num_elements: int) -> float
     rod = scene.rod
     highest = 2.0 * num_elements / rod.length * math.sqrt(rod.youngs_modulus / rod.density)
     if rng.random() < 0.3:
-        return _log(rng, 1e-3, 10.0) * 2.0 / highest
-    return _log(rng, 1e-4, 3.0) * first_period(scene) / math.pi
+        return log_uniform(rng, 1e-3, 10.0) * 2.0 / highest
+    return log_uniform(rng, 1e-4, 3.0) * first_period(scene) / math.pi
 
 
 def _share(rng: np.random.Generator, kind: Kind) -> float:
-    return rng.uniform(0.6, 0.99) if kind.integrator == "explicit" else _log(rng, *FACTOR)
+    return rng.uniform(0.6, 0.99) if kind.integrator == "explicit" else log_uniform(rng, *FACTOR)
 
 
 def _holds(rng: np.random.Generator) -> np.ndarray:
     """Own times between sudden changes, of equal length or scattered about their mean."""
-    mean, count = _log(rng, *HOLD), round(_log(rng, 3.0, MOST_CHANGES))
+    mean, count = log_uniform(rng, *HOLD), round(log_uniform(rng, 3.0, MOST_CHANGES))
     return np.full(count, mean) if rng.random() < 0.5 else mean * rng.uniform(0.2, 1.8, count)
 
 
@@ -284,7 +265,7 @@ def _shares(rng: np.random.Generator, course: str, count: int, plane: str | None
 
 def _magnitude(rng: np.random.Generator, rod: Rod, magnets: tuple[Magnet, ...], course: str) -> float:
     """1 mT to 10 T; mostly about EI/(m L), at which a field against the dipole buckles the rod."""
-    anywhere, relative = _log(rng, 1e-3, 10.0), _log(rng, 0.1, 10.0)
+    anywhere, relative = log_uniform(rng, 1e-3, 10.0), log_uniform(rng, 0.1, 10.0)
     if not magnets or (rng.random() < 0.3 and course != "antiparallel"):
         return anywhere
     largest = max(magnet.moment for magnet in magnets)

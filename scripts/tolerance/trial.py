@@ -1,4 +1,4 @@
-"""One trial of scripts/tolerance.py: what a tolerance chooses, how far its tips are off, what it costs by hand.
+"""One trial: what a tolerance chooses, how far its tips are off, what it costs by hand.
 
 Costs are element-steps: elements times explicit steps, for one rod over the trial; an implicit midpoint step counts as
 several of them (`cost_rate`).
@@ -8,28 +8,30 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from tqdm import tqdm
 
 from magrod_env import Simulation
 from magrod_env.integrator import cost_rate, implicit_schemes
 from magrod_env.search import LADDER, STEPS, cheapest_pair
-from scripts.tolerance_scenes import CONTROL_TIME, DURATION, NUM_RODS, Trial
+from scripts.common import run
+from scripts.common.run import Options, samples, whole_steps
+from scripts.tolerance.scenes import CONTROL_TIME, DURATION, NUM_RODS, Trial
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 CONDITIONING = ((1, 1), (1, 4), (1, 16), (4, 9), (16, 31), (64, 127), (256, 511), (1024, 2047))
 """axial_softening and rotary_scaling to choose from by hand, from stiff to soft, at the default step."""
 DEAREST = 2.0  # a hand-chosen setting that costs this many times what the tolerance chose is not tried
 PRICED = 5e6  # cost of a choice: the price of dearer ones is not searched
-CHOSEN = ("num_elements", "axial_softening", "rotary_scaling", "integrator")
 FINER_EVERY = 7  # trials: a still finer run checks every seventh reference, and all that say that a promise was broken
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class Record:
     """What came of one trial at one tolerance (m).
 
@@ -61,7 +63,7 @@ class Record:
     magnitude: float
     tolerance: float
     outcome: str
-    choosing_time: float
+    choosing_time: float = 0.0
     num_elements: int | None = None
     time_step: float | None = None
     axial_softening: float | None = None
@@ -74,7 +76,7 @@ class Record:
     reference_cost: float | None = None
     doubt: float | None = None
     apart: float | None = None
-    best: dict[str, float | str] | None = None
+    best: Options | None = None
     best_cost: float | None = None
     priced: bool = False
 
@@ -86,59 +88,82 @@ class Record:
         return max(math.inf if error is None else error for error in self.errors)
 
     @property
+    def ratios(self) -> np.ndarray:
+        """Errors over the tolerance, rod by rod."""
+        return np.array([np.inf if each is None else each for each in self.errors or []]) / self.tolerance
+
+    @property
     def sensitive(self) -> bool:
         """Whether the reference itself is in doubt by more than the tolerance."""
         return self.doubt is not None and self.doubt > self.tolerance
 
 
+def untried(trial: Trial, tolerance: float) -> Record:
+    """The record of a trial of which nothing is measured."""
+    return Record(
+        seed=trial.seed,
+        index=trial.index,
+        family=trial.family,
+        plane=trial.plane,
+        num_magnets=len(trial.scene.magnets),
+        load=trial.load,
+        magnitude=trial.magnitude,
+        tolerance=tolerance,
+        outcome="not tried",
+    )
+
+
 def measure(trial: Trial, tolerance: float, budget: float, price: bool = True) -> Record:
     """Run a trial at a tolerance (m), with a reference of at most ``budget`` element-steps."""
-    facts = {
-        **{name: getattr(trial, name) for name in ("seed", "index", "family", "plane", "load", "magnitude")},
-        "num_magnets": len(trial.scene.magnets),
-        "tolerance": tolerance,
-    }
     for name in ("explicit", *implicit_schemes(trial.scene)):  # so that no time below is compilation
         simulate(trial, num_elements=len(trial.scene.magnets), integrator=name).advance(1e-4)
-    start = time.perf_counter()
+    record, start = untried(trial, tolerance), time.perf_counter()
     try:
         chosen = simulate(trial, tolerance=tolerance)
     except ValueError:
-        return Record(**facts, outcome="refused", choosing_time=time.perf_counter() - start)
-    resolution = chosen.resolution
-    facts |= {name: getattr(resolution, name) for name in CHOSEN}
-    facts |= {"choosing_time": time.perf_counter() - start, "estimate": resolution.error}
-    facts |= {"time_step": chosen.time_step, "cost": cost(chosen)}
-    reference = finer(trial, chosen)
-    facts["reference_cost"] = cost(reference)
-    if cost(reference) > budget:
-        return Record(**facts, outcome="too dear")
+        return replace(record, outcome="refused", choosing_time=time.perf_counter() - start)
+    reference, resolution = finer(trial, chosen), chosen.resolution
+    record = replace(
+        record,
+        outcome="too dear",
+        choosing_time=time.perf_counter() - start,
+        num_elements=resolution.num_elements,
+        axial_softening=resolution.axial_softening,
+        rotary_scaling=resolution.rotary_scaling,
+        integrator=resolution.integrator,
+        estimate=resolution.error,
+        time_step=chosen.time_step,
+        cost=cost(chosen),
+        reference_cost=cost(reference),
+    )
+    return record if cost(reference) > budget else _compared(trial, record, chosen, reference, budget, price)
+
+
+def _compared(
+    trial: Trial, record: Record, chosen: Simulation, reference: Simulation, budget: float, price: bool
+) -> Record:
+    """The record with errors, doubts about the reference, and the price."""
     start = time.perf_counter()
     found = tips(chosen, trial.fields)
-    facts["run_time"] = time.perf_counter() - start
-    truth = tips(reference, trial.fields)
-    errors = distances(found, truth)
-    facts["errors"] = [float(error) if math.isfinite(error) else None for error in errors]
-    if errors.max() > tolerance or trial.index % FINER_EVERY == 0:
-        facts["doubt"] = _distance(trial, finer(trial, reference, 1.5, 4.0), truth, 2.0 * budget)
+    run_time, truth = time.perf_counter() - start, tips(reference, trial.fields)
+    errors, doubt, apart = distances(found, truth), None, None
+    if errors.max() > record.tolerance or trial.index % FINER_EVERY == 0:
+        doubt = _distance(trial, finer(trial, reference, 1.5, 4.0), truth, 2.0 * budget)
     if reference.integrator != "explicit":
         explicit = simulate(trial, num_elements=reference.num_elements, integrator="explicit")
-        facts["apart"] = _distance(trial, explicit, truth, budget)
-    if price and errors.max() <= tolerance and cost(chosen) <= PRICED:
-        facts |= {"priced": True, **_cheapest(trial, tolerance, truth, cost(chosen), resolution.num_elements)}
-    return Record(**facts, outcome="measured")
+        apart = _distance(trial, explicit, truth, budget)
+    told = [float(error) if math.isfinite(error) else None for error in errors]
+    record = replace(record, outcome="measured", run_time=run_time, errors=told, doubt=doubt, apart=apart)
+    if not price or errors.max() > record.tolerance or cost(chosen) > PRICED:
+        return record
+    best, best_cost = _cheapest(trial, record.tolerance, truth, cost(chosen), chosen.num_elements)
+    return replace(record, priced=True, best=best, best_cost=best_cost)
 
 
-def simulate(trial: Trial, **resolution: Any) -> Simulation:
+def simulate(trial: Trial, **resolution: Unpack[Options]) -> Simulation:
     """The trial's rods at a resolution."""
-    return Simulation(
-        trial.scene,
-        num_rods=NUM_RODS,
-        plane=trial.plane,
-        expected_field=trial.magnitude,
-        on_failure="report",
-        **resolution,
-    )
+    options: Options = {"num_rods": NUM_RODS, "plane": trial.plane, "on_failure": "report", **resolution}
+    return run.build(trial.scene, options, expected_field=trial.magnitude)
 
 
 def finer(trial: Trial, simulation: Simulation, elements: float = 2.0, conditioning: float = 8.0) -> Simulation:
@@ -147,16 +172,13 @@ def finer(trial: Trial, simulation: Simulation, elements: float = 2.0, condition
     An implicit choice is compared with the most exact implicit scheme at that much shorter half a step.
     """
     resolution = simulation.resolution
+    count = math.ceil(elements * resolution.num_elements)
     if simulation.integrator != "explicit":
-        return simulate(
-            trial,
-            num_elements=math.ceil(elements * resolution.num_elements),
-            integrator=implicit_schemes(trial.scene)[0],
-            time_step=2.0 * simulation.time_step / conditioning,
-        )
+        scheme, step = implicit_schemes(trial.scene)[0], 2.0 * simulation.time_step / conditioning
+        return simulate(trial, num_elements=count, integrator=scheme, time_step=step)
     fine = simulate(
         trial,
-        num_elements=math.ceil(elements * resolution.num_elements),
+        num_elements=count,
         axial_softening=1.0 + (resolution.axial_softening - 1.0) / conditioning,
         rotary_scaling=1.0 + (resolution.rotary_scaling - 1.0) / conditioning,
     )
@@ -166,25 +188,20 @@ def finer(trial: Trial, simulation: Simulation, elements: float = 2.0, condition
 
 def cost(simulation: Simulation) -> float:
     """Element-steps of one rod over a trial."""
-    steps = math.ceil(CONTROL_TIME / simulation.time_step - 1e-9)
-    return DURATION * cost_rate(simulation.integrator, simulation.num_elements, CONTROL_TIME / steps)
+    step = CONTROL_TIME / whole_steps(CONTROL_TIME, simulation.time_step)
+    return DURATION * cost_rate(simulation.integrator, simulation.num_elements, step)
 
 
 def tips(simulation: Simulation, fields: np.ndarray) -> np.ndarray:
     """Tips after every control step from the straight rod at rest, m, (num_times, num_rods, 3); NaN once lost."""
     simulation.reset()
-    found = np.empty(fields.shape)
-    bar = tqdm(fields, desc=f"{simulation.num_elements} elements, {simulation.time_step:.2g} s", leave=False, delay=2)
-    for k, field in enumerate(bar):
-        simulation.advance(CONTROL_TIME, field=field)
-        found[k] = np.where(simulation.status[:, None] == 0, simulation.tip_position, np.nan)
-    return found
+    return run.follow(simulation, samples(DURATION, CONTROL_TIME), fields, see=run.tips).seen[1:]
 
 
 def distances(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """RMS over time of the distance of the tips, m, (num_rods,); infinite where either was lost."""
-    rms = np.sqrt(((found - truth) ** 2).sum(axis=2).mean(axis=0))
-    return np.where(np.isnan(rms), np.inf, rms)
+    off = np.sqrt(((found - truth) ** 2).sum(axis=2).mean(axis=0))
+    return np.where(np.isnan(off), np.inf, off)
 
 
 def _distance(trial: Trial, other: Simulation, truth: np.ndarray, budget: float) -> float | None:
@@ -204,56 +221,22 @@ def _by_hand(trial: Trial) -> Iterator[tuple[str, list[dict[str, float]]]]:
 
 def _cheapest(
     trial: Trial, tolerance: float, truth: np.ndarray, chosen_cost: float, most_elements: int
-) -> dict[str, Any]:
-    """The cheapest setting within the tolerance of those that `_by_hand` lists, at LADDER's elements."""
+) -> tuple[Options | None, float | None]:
+    """The cheapest setting within the tolerance of those that `_by_hand` lists, at LADDER's elements, and its cost."""
     best, least = None, DEAREST * chosen_cost
     rungs = [rung for rung in LADDER if len(trial.scene.segment_ends) <= rung <= most_elements]
     for name, settings in _by_hand(trial):
 
-        def run(rung: int, setting: dict[str, float], name: str = name) -> Simulation:
-            return simulate(trial, num_elements=rung, integrator=name, **setting)
+        def build(rung: int, setting: dict[str, float], name: str = name) -> Simulation:
+            return simulate(trial, num_elements=rung, integrator=name, **setting)  # type: ignore[arg-type]
 
-        def price(rung: int, setting: dict[str, float], run: Callable[..., Simulation] = run) -> float:
-            return cost(run(rung, setting))
+        def price(rung: int, setting: dict[str, float], build=build) -> float:
+            return cost(build(rung, setting))
 
-        def good(rung: int, setting: dict[str, float], run: Callable[..., Simulation] = run) -> bool:
-            return bool(distances(tips(run(rung, setting), trial.fields), truth).max() <= tolerance)
+        def good(rung: int, setting: dict[str, float], build=build) -> bool:
+            return bool(distances(tips(build(rung, setting), trial.fields), truth).max() <= tolerance)
 
         found = cheapest_pair(rungs, settings, price, good, least)
         if found is not None:
-            best, least = {"integrator": name, "num_elements": found[0], **found[1]}, price(*found)
-    return {"best": best, "best_cost": None if best is None else least}
-
-
-def spectral_distance(trial: Trial, truth: np.ndarray, elements: int = 4, degree: int = 6) -> float:
-    """RMS distance, m, of the first rod's tip to that of an independent solver (tests/reference/spectral_rod.py).
-
-    ``truth`` (num_times, 3) m is the tip that is checked. The rod must be round, with one magnet and no spin drag.
-    """
-    from scipy.integrate import solve_ivp  # only the test extra has it
-
-    from tests.reference import spectral_rod
-
-    scene, rod, (magnet,) = trial.scene, trial.scene.rod, trial.scene.magnets
-    held = [np.zeros(3)]
-    case = spectral_rod.Case(
-        length=rod.length,
-        area=rod.area,
-        second_moment=rod.second_moment,
-        density=rod.density,
-        youngs_modulus=rod.youngs_modulus,
-        poisson_ratio=rod.poissons_ratio,
-        gravity=scene.gravity or (0.0, 0.0, 0.0),
-        drag=scene.drag_rate or 0.0,
-        magnets=(spectral_rod.Magnet(s=rod.length, mass=magnet.mass, dipole=tuple(magnet.dipole_moment)),),
-        field=lambda at: held[0],
-    )
-    mesh = spectral_rod.Mesh(case, degree, tuple(rod.length * np.arange(1, elements) / elements))
-    state, found, step = mesh.straight, [], 1e-6
-    times = CONTROL_TIME * np.arange(len(truth) + 1)
-    for k, (start, stop) in enumerate(pairwise(tqdm(times, desc="independent solver", leave=False))):
-        held[0] = trial.fields[k, 0]
-        done = solve_ivp(mesh.rate, (start, stop), state, "DOP853", rtol=1e-6, atol=1e-8, first_step=step)
-        state, step = done.y[:, -1], 0.9 * min(float(np.median(np.diff(done.t))), CONTROL_TIME)
-        found.append(mesh.split(state)[0][-1].copy())
-    return float(np.sqrt(((np.array(found) - truth) ** 2).sum(axis=1).mean()))
+            best, least = Options(integrator=name, num_elements=found[0], **found[1]), price(*found)  # type: ignore
+    return best, None if best is None else least

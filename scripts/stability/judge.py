@@ -6,6 +6,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
@@ -14,7 +15,9 @@ from magrod_env.integrator import SHARES
 from magrod_env.rod.energy import ENERGETIC, NOT_FINITE
 from magrod_env.rod.implicit import UNSOLVED
 from magrod_env.simulation.simulation import _SYMPTOMS
-from scripts.stability.drawing import Trial, first_period, own_time
+from scripts.common.run import Options, whole_steps
+from scripts.common.run import build as simulate
+from scripts.stability.scenes import Trial, first_period, own_time
 
 TOLERANCE = 0.05  # of the tip's largest distance from the straight rod's, RMS over the run
 LEAST_EXCURSION = {"float64": 1e-9, "float32": 1e-4}  # lengths of the rod: below, rounding is all there is
@@ -87,32 +90,29 @@ class Plan:
 
 
 def build(
-    trial: Trial,
-    num_elements: int,
-    precision: str | None = None,
-    default: bool = False,
-    integrator: str | None = None,
+    trial: Trial, num_elements: int, precision: str | None = None, default: bool = False, integrator: str | None = None
 ) -> Simulation:
     """The simulation of a trial with this many elements; `default`: with the default step, told of the field."""
     kind = trial.kind
-    options = dict(
-        num_elements=num_elements,
-        element=kind.element,
-        plane=kind.plane,
-        precision=precision or kind.precision,
-        integrator=integrator or kind.integrator,
-        axial_softening=trial.axial_softening,
-        rotary_scaling=trial.rotary_scaling,
-        on_failure="report",
-        num_threads=1,
-    )
-    strongest = {"expected_field": trial.field} if default or trial.told else {}
-    simulation = Simulation(trial.scene, **options, **strongest)
+    options: Options = {
+        "num_elements": num_elements,
+        "element": kind.element,
+        "plane": kind.plane,
+        "precision": precision or kind.precision,
+        "integrator": integrator or kind.integrator,
+        "axial_softening": trial.axial_softening,
+        "rotary_scaling": trial.rotary_scaling,
+        "on_failure": "report",
+        "num_threads": 1,
+    }
+    if default or trial.told:
+        options["expected_field"] = trial.field
+    simulation = Simulation(trial.scene, **options)
     if trial.share is None or default:
         return simulation
     explicit = simulation.integrator == "explicit"
     whole = simulation.stable_time_step_in(trial.field) if explicit else simulation.time_step
-    return Simulation(trial.scene, **options, **strongest, time_step=trial.share * whole)
+    return simulate(trial.scene, options, time_step=trial.share * whole)
 
 
 def finer_elements(num_elements: int) -> int:
@@ -179,12 +179,7 @@ def disturbed(trial: Trial) -> Trial:
 
 
 def follow(
-    trial: Trial,
-    simulation: Simulation,
-    plan: Plan,
-    to_the_end: bool = True,
-    step: float | None = None,
-    parts: int = 1,
+    trial: Trial, simulation: Simulation, plan: Plan, to_the_end: bool = True, step: float | None = None, parts: int = 1
 ) -> Run:
     """Run a simulation over a plan, its field constant in every interval.
 
@@ -202,7 +197,7 @@ def follow(
         tips.append(simulation.tip_position[0])
         for field, length in zip(fields, lengths):
             if step is not None:  # whatever it is, beyond the bound too
-                simulation._time_step = length / (parts * max(1, math.ceil(length / step - 1e-9)))
+                simulation._time_step = length / (parts * whole_steps(length, step))
             simulation.advance(0.0, field=field)
             before = float(simulation.energy()[0])
             simulation.advance(length)
@@ -268,7 +263,19 @@ class Verdict:
     finer: str = ""
 
 
-def classify(runs) -> Verdict:
+class AnyRuns(Protocol):
+    """Runs by name, and what a verdict must know of them."""
+
+    precision: str
+    length: float
+    order: int
+
+    @property
+    def independent(self) -> bool: ...
+    def __call__(self, name: str) -> Run: ...
+
+
+def classify(runs: AnyRuns) -> Verdict:
     """The verdict from runs that are made when asked for.
 
     Correct: within TOLERANCE of the finer run. Else the same elements with a quarter of the step tell what is coarse:
@@ -289,44 +296,49 @@ def classify(runs) -> Verdict:
         return Verdict("reported", asked.symptom, finer=runs("finer").symptom if asked.status else "not run")
     finer = runs("finer")
 
-    def apart(one, other):
+    def apart(one: Run, other: Run) -> float:
         return distance(one, other, runs.length, runs.precision)
 
+    def ended(ending: str, reason: str = "") -> Verdict:
+        return Verdict(ending, reason, facts["error"], facts.get("step_error"), made, finer.symptom)
+
+    def early(one: str, other: str) -> float:
+        return prefix_distance(runs(one), runs(other), runs.length, runs.precision)
+
     made = asked.energy_made / asked.inner if asked.inner > 0.0 else 0.0
-    facts = dict(error=apart(asked, finer), energy_made=made, finer=finer.symptom)
+    coarse, wrong = COARSE[asked.warned], COARSE[True] if asked.warned else "wrong and silent"
+    facts = {"error": apart(asked, finer)}
     if facts["error"] <= TOLERANCE:
-        return Verdict("correct", **facts)
+        return ended("correct")
     if runs.independent and apart(runs("explicit"), finer) <= TOLERANCE:
         facts["step_error"] = apart(asked, runs("explicit"))
         if made > ENERGY_MADE:
-            return Verdict(COARSE[True] if asked.warned else "wrong and silent", "energy made", **facts)
+            return ended(wrong, "energy made")
         if apart(runs(HALVED[-1]), runs("explicit")) <= TOLERANCE:
-            return Verdict(COARSE[asked.warned], "step", **facts)
-        return Verdict("wrong and silent", "implicit steps do not converge to explicit ones", **facts)
+            return ended(coarse, "step")
+        return ended("wrong and silent", "implicit steps do not converge to explicit ones")
     quarter = runs("quarter")
     facts["step_error"] = apart(asked, quarter)
     if facts["step_error"] <= TOLERANCE:
-        return Verdict(COARSE[asked.warned], "elements", **facts)
+        return ended(coarse, "elements")
     if made > ENERGY_MADE:
-        return Verdict(COARSE[True] if asked.warned else "wrong and silent", "energy made", **facts)
+        return ended(wrong, "energy made")
     if not math.isfinite(facts["step_error"]):
-        for name in ("disturbed quarter", "eighth"):
-            if prefix_distance(runs(name), quarter, runs.length, runs.precision) > TOLERANCE:
-                return Verdict("sensitive", "finer runs disagree before they stop", **facts)
-        return Verdict("wrong and silent", "smaller steps do not get to the end", **facts)
+        if any(early(name, "quarter") > TOLERANCE for name in ("disturbed quarter", "eighth")):
+            return ended("sensitive", "finer runs disagree before they stop")
+        return ended("wrong and silent", "smaller steps do not get to the end")
     if runs.precision == "float32" and apart(runs("double"), asked) > 0.5 * facts["step_error"]:
-        return Verdict(COARSE[asked.warned], "float32", **facts)
+        return ended(coarse, "float32")
     for judge_of in range(3, len(HALVED)):
         finest, fine = HALVED[judge_of], HALVED[judge_of - 1]
         errors = [apart(runs(name), runs(finest)) for name in HALVED[:judge_of]]
         steady = all(error <= FAR[runs.order] * next_one for error, next_one in pairwise(errors[:-1]))
         if steady and math.isfinite(errors[-1]) and errors[-1] <= errors[-2] / SECOND_ORDER:
-            return Verdict(COARSE[asked.warned], "step", **facts)
+            return ended(coarse, "step")
         for name, words in ((f"disturbed {fine}", "loads changed by 1e-4"), (finest, "finer runs disagree")):
-            gap = prefix_distance(runs(name), runs(fine), runs.length, runs.precision)
-            if gap > min(TOLERANCE, 0.5 * facts["step_error"]):
-                return Verdict("sensitive", words, **facts)
-    return Verdict("wrong and silent", "does not converge with the step", **facts)
+            if early(name, fine) > min(TOLERANCE, 0.5 * facts["step_error"]):
+                return ended("sensitive", words)
+    return ended("wrong and silent", "does not converge with the step")
 
 
 class Runs:
@@ -336,21 +348,17 @@ class Runs:
         self.trial, self.precision, self.length = trial, trial.kind.precision, trial.scene.rod.length
         self.order = 4 if trial.kind.integrator == "implicit4" else 2
         self.known: dict[str, Run] = {}
-        self.plan: Plan | None = None
-        self.coarse: Simulation | None = None
+        self.refused, judge = True, trial.kind.integrator
         try:
             self.coarse = build(trial, trial.num_elements)
         except ValueError as error:
             self.known["asked"] = Run(np.empty((0, 3)), refusal=refused(error))
-            return
-        self.fine, duration = finer(trial, self.coarse, budget)
-        self.plan = plan(trial, self.coarse, duration)
-
-    @property
-    def integrators(self) -> str:
+        else:
+            self.refused = False
+            self.fine, duration = finer(trial, self.coarse, budget)
+            self.plan, judge = plan(trial, self.coarse, duration), self.fine.integrator
+        self.integrators = f"{trial.kind.integrator} by {judge}"
         """Integrator of the run that is judged and of the finer one."""
-        asked = self.trial.kind.integrator
-        return f"{asked} by {asked if self.plan is None else self.fine.integrator}"
 
     @property
     def independent(self) -> bool:

@@ -1,0 +1,1 @@
+"""How fast it is: the program `python -m scripts.bench`, in parts."""

@@ -1,0 +1,1 @@
+"""Whether `tolerance` keeps its promise: the program `python -m scripts.tolerance`, in parts."""
