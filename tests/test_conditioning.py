@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from rod.beams import with_tip
 from scipy.integrate import quad
-from term_sets import damped, dragged
+from term_sets import damped, dragged, loaded
 
 from magrod_env import Rod, Scene, Simulation, load_scene
 from magrod_env.rod.layout import AXIAL, BENDING, SHEAR, SWAY
@@ -90,7 +89,7 @@ def test_energy_stays_bounded_under_conditioning():
 
 def test_spin_drag_keeps_its_torque():
     """The rate of a section's braking falls as its inertia grows."""
-    scene = damped(with_tip(ROD).replace(spin_drag_rate=80.0))
+    scene = damped(loaded(SLENDER.replace(spin_drag_rate=80.0)))
     rates = []
     for scaling in (1.0, 8.0):
         simulation = Simulation(scene, num_elements=1, rotary_scaling=scaling, plane="xz", time_step=1e-6)

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rod.beams import with_tip
-from term_sets import dragged
+from term_sets import dragged, loaded
 
 from magrod_env import Magnet, Rod, Scene, Simulation, load_scene
 from magrod_env.rod.halfstep import NODE, finish, predict
@@ -24,11 +23,6 @@ SOFT = Scene(
     drag_rate=3.0,
     spin_drag_rate=20.0,
 )
-
-
-def loaded(scene):
-    """The scene with gravity, drag and a magnet, without effect where it has none."""
-    return dragged(scene if scene.magnets else scene.replace(magnets=with_tip(scene.rod).magnets))
 
 
 def swung(scene, duration, gradient=None, **options):
@@ -103,7 +97,7 @@ def test_momentum_of_sections_without_loads_stays(integrator):
     """A rod of next to no stiffness, whose sections fly and tumble freely by 0.3 rad a step; to Newton's tolerance."""
     rod = Rod.circular(length=0.06, diameter=4e-3, density=1100.0, youngs_modulus=1e-16, poissons_ratio=0.5)
     options = {"num_elements": 3, "time_step": 0.05, "on_failure": "report"}  # the sections shear by more than half
-    simulation = Simulation(dragged(with_tip(rod)), integrator=integrator, **options)
+    simulation = Simulation(loaded(Scene(rod=rod)), integrator=integrator, **options)
     rng = np.random.default_rng(1)
     simulation.set_motion(1e-3 * rng.normal(size=(1, 4, 3)), 5.0 * rng.normal(size=(1, 4, 3)))
     linear = simulation.linear_momentum()

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from rod.beams import with_tip
 from scipy.spatial.transform import Rotation
-from term_sets import dragged
+from term_sets import dragged, loaded
 
 from magrod_env import Rod, Scene, Simulation, load_scene
 from magrod_env.estimation import EnsembleFilter, PredictionFilter, UnscentedFilter
@@ -127,7 +126,7 @@ def test_a_shape_in_a_plane_but_for_rounding_stays_in_it_by_implicit_steps_too()
     positions, rotations = arc(1.0, 5, (0.0, 1.0, 0.0))
     off = Rotation.from_rotvec((1e-9, 0.0, 1e-9)).as_matrix()
     rotations[1:] = rotations[1:] @ off
-    simulation = Simulation(dragged(with_tip(ROD)), num_elements=4, plane="xz", integrator="implicit")
+    simulation = Simulation(loaded(SCENE), num_elements=4, plane="xz", integrator="implicit")
     simulation.reset(shape=(positions + (0.0, 1e-12, 0.0), rotations))
     simulation.advance(0.1)
     assert not simulation.positions[..., 1].any() and not simulation.rotations[..., 1, [0, 2]].any()
