@@ -4,11 +4,12 @@ import warnings
 
 import numpy as np
 import pytest
+from term_sets import damped, dragged
 
 from magrod_env import CoarseWarning, Simulation, load_scene
 from magrod_env.magnetics import FieldCourse
 
-CIRCLE = load_scene("paper5_circle").replace(gravity=None)
+CIRCLE = dragged(load_scene("paper5_circle").replace(gravity=None))
 SUDDEN = (0.0, 0.0, 10e-3)
 
 
@@ -58,7 +59,7 @@ def test_a_stronger_field_makes_a_rod_coarse_until_the_reset():
 
 
 def test_elements_that_a_tolerance_chose_are_doubted_in_stronger_fields_only():
-    scene = load_scene("paper4_pdms_tip_magnet")
+    scene = dragged(load_scene("paper4_pdms_tip_magnet"))
     simulation = Simulation(scene, tolerance=3e-3, expected_field=5e-3, on_failure="report")
     by_hand = Simulation(scene, num_elements=simulation.num_elements, on_failure="report")
     for each in (simulation, by_hand):
@@ -69,7 +70,7 @@ def test_elements_that_a_tolerance_chose_are_doubted_in_stronger_fields_only():
 
 
 def test_the_papers_element_is_told_to_lock_by_the_factor_of_the_closed_form():
-    simulation = Simulation(load_scene("paper4_pdms_tip_magnet"), num_elements=10, element="nodal")
+    simulation = Simulation(dragged(load_scene("paper4_pdms_tip_magnet")), num_elements=10, element="nodal")
     rod = simulation.scene.rod
     shear = rod.youngs_modulus / 3.0 * np.pi * rod.width**2 / 4.0
     bending = rod.youngs_modulus * np.pi * rod.width**4 / 64.0
@@ -106,7 +107,7 @@ def test_a_longer_step_is_checked_again():
 @pytest.mark.parametrize(("num_elements", "damping"), [(2, 1e-3), (3, 3e-3)])
 def test_a_thin_damped_rod_that_float32_holds_up_is_told_of(num_elements, damping):
     """It stops millimetres from where float64 has it: 8.9 mm of deflection, 10 to 20 % of it off."""
-    wire = load_scene("niti_guidewire").replace(internal_damping=damping)
+    wire = damped(load_scene("niti_guidewire").replace(internal_damping=damping))
     tips = []
     for precision in ("float64", "float32"):
         simulation = Simulation(wire, num_elements=num_elements, precision=precision, on_failure="report")
@@ -119,7 +120,7 @@ def test_a_thin_damped_rod_that_float32_holds_up_is_told_of(num_elements, dampin
 
 
 def test_a_soft_damped_rod_of_an_environment_is_well_in_float32():
-    soft = load_scene("paper5_circle", modulus="effective").replace(drag_rate=5.0, internal_damping=3e-3)
+    soft = damped(load_scene("paper5_circle", modulus="effective").replace(drag_rate=5.0, internal_damping=3e-3))
     tips = []
     for precision in ("float64", "float32"):
         simulation = Simulation(soft, precision=precision)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from term_sets import damped, dragged, loaded
 
 from magrod_env import Rod, Scene, Simulation, load_scene
 from magrod_env.rod.layout import AXIAL, BENDING, SHEAR, SWAY
@@ -76,7 +77,7 @@ def test_conditioning_lengthens_the_stable_step_of_a_wire_by_its_root():
 
 
 def test_energy_stays_bounded_under_conditioning():
-    scene = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=None)
+    scene = dragged(load_scene("paper4_pdms_tip_magnet"))
     simulation = Simulation(scene, axial_softening=2.0, rotary_scaling=16.0)
     start, kinetic, total = simulation.energy()[0], [], []
     for _ in range(100):
@@ -88,7 +89,7 @@ def test_energy_stays_bounded_under_conditioning():
 
 def test_spin_drag_keeps_its_torque():
     """The rate of a section's braking falls as its inertia grows."""
-    scene = SLENDER.replace(spin_drag_rate=80.0)
+    scene = damped(loaded(SLENDER.replace(spin_drag_rate=80.0)))
     rates = []
     for scaling in (1.0, 8.0):
         simulation = Simulation(scene, num_elements=1, rotary_scaling=scaling, plane="xz", time_step=1e-6)

@@ -7,12 +7,13 @@ import pytest
 from rod.beams import CLAMPED_FREE
 from rod.test_stability import assert_limit_between
 from scipy.spatial.transform import Rotation
+from term_sets import damped, dragged
 
 from magrod_env import Magnet, Rod, Scene, Simulation, load_scene
 from magrod_env.rod.equilibrium import Equilibrium
 
 SOFT = Rod.circular(length=0.1, diameter=1e-3, density=1100.0, youngs_modulus=1e6, poissons_ratio=0.5)
-PULLED = Scene(rod=SOFT, magnets=(Magnet.dipole(position=0.1, moment=0.1),))
+PULLED = dragged(Scene(rod=SOFT, magnets=(Magnet.dipole(position=0.1, moment=0.1),)))
 PULL = np.diag([0.2, -0.1, -0.1])  # T/m
 SIDEWAYS = (0.0, 0.0, 20e-3)  # T
 
@@ -81,8 +82,8 @@ def test_a_field_that_flips_asks_for_more_elements_than_one_that_is_turned_on():
     scene = load_scene("paper5_circle", modulus="effective").replace(drag_rate=5.0)
     assert not flips(scene, 1).coarse
     assert flips(scene, 12).coarse
-    damped = scene.replace(internal_damping=3e-3)  # upper vibrations are gone at the next flip
-    assert not flips(damped, 12).coarse
+    lossy = damped(scene.replace(internal_damping=3e-3))  # upper vibrations are gone at the next flip
+    assert not flips(lossy, 12).coarse
 
 
 def test_a_field_that_turns_slowly_is_no_sudden_one():

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from term_sets import dragged, loaded
 
 from magrod_env import Magnet, Rod, Scene, Simulation, load_scene
 from magrod_env.rod.halfstep import NODE, finish, predict
@@ -37,7 +38,7 @@ def smooth(at):
 def first_swing(**options):
     """Tip after 48 ms of a rod set moving about as its first mode; soft, so that the steps resolve every mode."""
     rod = Rod.circular(length=0.06, diameter=4e-3, density=1100.0, youngs_modulus=4e4, poissons_ratio=0.5)
-    scene = SOFT.replace(rod=rod, gravity=None, drag_rate=None, spin_drag_rate=None)
+    scene = SOFT.replace(rod=rod, gravity=(0.0, 0.0, 0.0), drag_rate=0.0, spin_drag_rate=None)
     simulation = Simulation(scene, num_elements=2, **options)
     share = simulation.arc_lengths[:, None] / rod.length
     velocity = np.array([0.0, 0.05, 0.3]) * (6 * share**2 - 4 * share**3 + share**4) / 3
@@ -73,7 +74,7 @@ def test_small_steps_agree_with_the_explicit_scheme(scene):
 @pytest.mark.parametrize("name, elements, step, millimetres", [("niti", 4, 5e-3, 0.02), ("aluminium", 6, 2.5e-4, 0.15)])
 def test_stiff_rods_follow_the_independent_reference(integrator, name, elements, step, millimetres):
     trial = next(each for each in precision.trials() if each.name == name)
-    simulation = Simulation(trial.scene, num_elements=elements, integrator=integrator, time_step=step)
+    simulation = Simulation(loaded(trial.scene), num_elements=elements, integrator=integrator, time_step=step)
     tips = precision.trace(simulation, trial)
     assert 1e3 * np.sqrt(np.mean(np.sum((tips - STORED[f"{name}_tip"]) ** 2, axis=1))) < millimetres
 
@@ -82,7 +83,7 @@ def test_stiff_rods_follow_the_independent_reference(integrator, name, elements,
 def test_energy_of_a_stiff_rod_stays(integrator, steps):
     """20,000 midpoint steps, a hundred times the stable step of the explicit scheme."""
     trial = next(each for each in precision.trials() if each.name == "aluminium")
-    simulation = Simulation(trial.scene, num_elements=4, integrator=integrator)
+    simulation = Simulation(loaded(trial.scene), num_elements=4, integrator=integrator)
     precision.begin(simulation, trial)
     start, seen = simulation.energy()[0], []
     for _ in range(20):
@@ -96,7 +97,7 @@ def test_momentum_of_sections_without_loads_stays(integrator):
     """A rod of next to no stiffness, whose sections fly and tumble freely by 0.3 rad a step; to Newton's tolerance."""
     rod = Rod.circular(length=0.06, diameter=4e-3, density=1100.0, youngs_modulus=1e-16, poissons_ratio=0.5)
     options = {"num_elements": 3, "time_step": 0.05, "on_failure": "report"}  # the sections shear by more than half
-    simulation = Simulation(Scene(rod=rod), integrator=integrator, **options)
+    simulation = Simulation(loaded(Scene(rod=rod)), integrator=integrator, **options)
     rng = np.random.default_rng(1)
     simulation.set_motion(1e-3 * rng.normal(size=(1, 4, 3)), 5.0 * rng.normal(size=(1, 4, 3)))
     linear = simulation.linear_momentum()
@@ -111,7 +112,7 @@ def test_momentum_of_sections_without_loads_stays(integrator):
 
 @pytest.mark.parametrize("integrator", IMPLICIT)
 def test_a_motion_turned_round_goes_back_to_its_start(integrator):
-    scene = load_scene("niti_guidewire").replace(drag_rate=None)
+    scene = dragged(load_scene("niti_guidewire").replace(drag_rate=None))
     simulation = Simulation(scene, num_elements=4, integrator=integrator, time_step=2e-3)
     simulation.advance(0.1, field=(0.0, 0.0, 10e-3))
     assert np.abs(simulation.tip_position[0] - (0.1, 0.0, 0.0)).max() > 1e-3
@@ -125,7 +126,7 @@ def test_a_motion_turned_round_goes_back_to_its_start(integrator):
 @pytest.mark.parametrize("integrator, micrometres", [("implicit", 40.0), ("implicit4", 0.3)])
 def test_a_wire_under_strong_tension_follows_the_explicit_scheme(integrator, micrometres):
     """A weight pulls with 74 times what an element resists tilting with; 28 and 0.19 micrometres were found."""
-    scene = LOADED["static_wire_with_weight"].scene
+    scene = dragged(LOADED["static_wire_with_weight"].scene)
     explicit = Simulation(scene, num_elements=2)
     simulation = Simulation(scene, num_elements=2, integrator=integrator, time_step=2e-3)
     for each in (explicit, simulation):
@@ -156,7 +157,7 @@ def iterations(simulation, field, num_steps):
 @pytest.mark.parametrize("num_elements, step, mean", [(1, 5e-3, 4.0), (4, 2e-3, 3.4), (4, 5e-4, 2.8), (10, 2e-3, 3.5)])
 def test_newtons_method_takes_a_few_iterations_for_a_wire_in_a_sudden_field(num_elements, step, mean):
     """Where a stiffness lacks the stretch along the inclined chord it takes 7, or fails."""
-    scene = load_scene("niti_guidewire").replace(drag_rate=None)
+    scene = dragged(load_scene("niti_guidewire").replace(drag_rate=None))
     simulation = Simulation(scene, num_elements=num_elements, integrator="implicit", time_step=step)
     counts = iterations(simulation, (0.0, 0.0, 10e-3), round(0.1 / step))
     assert counts.max() < MOST_ITERATIONS // 2
@@ -206,9 +207,8 @@ def test_a_step_too_long_for_the_drag_is_refused_where_time_goes_back():
 
 
 def test_a_step_that_cannot_be_solved_is_reported():
-    simulation = Simulation(
-        load_scene("niti_guidewire"), num_elements=1, integrator="implicit", time_step=0.5, on_failure="report"
-    )
+    wire = dragged(load_scene("niti_guidewire"))
+    simulation = Simulation(wire, num_elements=1, integrator="implicit", time_step=0.5, on_failure="report")
     for sign in (1.0, -1.0) * 5:
         simulation.advance(0.5, field=(sign, -sign, 1.0))
     assert simulation.status[0] != 0

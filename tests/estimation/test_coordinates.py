@@ -4,12 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from term_sets import damped
 
 from magrod_env import Simulation, load_scene
 from magrod_env.estimation.coordinates import nodes_of, strains_of
 from magrod_env.estimation.modes import slow_modes
 
-SCENE = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=1.0, spin_drag_rate=100.0)
+SCENE = damped(load_scene("paper4_pdms_tip_magnet").replace(drag_rate=1.0, spin_drag_rate=100.0))
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from term_sets import damped
 
 from magrod_env import load_scene
 from magrod_env.estimation import EnsembleFilter, Measurement
@@ -11,7 +12,7 @@ FIELD = (0.0, 4e-3, 8e-3)
 
 
 def ensemble(**settings):
-    scene = load_scene("paper5_circle", modulus="effective").replace(drag_rate=5.0, spin_drag_rate=100.0)
+    scene = damped(load_scene("paper5_circle", modulus="effective").replace(drag_rate=5.0, spin_drag_rate=100.0))
     rods = EnsembleFilter(scene, num_rods=3, num_members=16, num_elements=3, **settings)
     rods.reset(FIELD)
     return rods

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rod.beams import with_tip
 from scipy.linalg import expm
 
 from estimation.twins import FRAME, NOISE, SCENE, fields, frame, stiffer, truth
@@ -87,7 +88,7 @@ def exact_filter(scene, unknown, tip_deviation, noise, frames, noise_first=True)
 @pytest.mark.parametrize(("members", "share"), [(24, 0.5), (400, 0.1)])
 def test_small_motions_are_filtered_as_kalman_would(members, share):
     """All modes, no extras: what is left is the sampling error, a share of the estimate's own standard deviation."""
-    scene = SCENE.replace(gravity=None, magnets=())
+    scene = SCENE.replace(gravity=None, magnets=with_tip(SCENE.rod).magnets)
     load, tip, noise = Unknown(deviation=1e-3, memory=0.3), 2e-6, 1e-6
     generator = np.random.default_rng(3)
     seen = 3e-6 * np.sin(2.0 * np.pi * FRAME * np.arange(1, 26))[:, None] * [0.0, 1.0]

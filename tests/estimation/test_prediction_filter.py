@@ -5,13 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from term_sets import damped, dragged
 
 from magrod_env import Simulation, load_scene
 from magrod_env.estimation import Measurement, PredictionFilter
 from magrod_env.estimation.history import state_rows
 from magrod_env.simulation import SimulationDiverged, StabilityError
 
-SCENE = load_scene("paper4_pdms_tip_magnet", modulus="effective")
+SCENE = dragged(load_scene("paper4_pdms_tip_magnet", modulus="effective"))
 LENGTH = SCENE.rod.length
 BENT, FREE = (0.0, 0.0, 20e-3), (0.0, 0.0, 0.0)
 FRAME, NOISE = 0.01, 5e-5
@@ -134,7 +135,7 @@ def test_damping_stays_within_its_bound_whatever_a_camera_says():
 def test_twin_with_a_finer_mesh_unknown_damping_and_a_wrong_modulus(law):
     """Truth: three times the elements, Kelvin-Voigt damping, a modulus 10 % higher; 0.05 mm noise, 100 Hz, tip only."""
     rod = dataclasses.replace(SCENE.rod, youngs_modulus=1.1 * SCENE.rod.youngs_modulus)
-    truth = twin(SCENE.replace(rod=rod, internal_damping=1e-3), num_elements=12)
+    truth = twin(damped(SCENE.replace(rod=rod, internal_damping=1e-3)), num_elements=12)
     estimator = PredictionFilter(SCENE, law=law, **OPTIONS)
     alone = Simulation(SCENE, **OPTIONS)
     alone.reset(field=BENT)

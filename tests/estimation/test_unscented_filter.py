@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rod.beams import with_tip
 
 from estimation.test_ensemble_filter import exact_filter, follow
 from estimation.twins import FRAME, NOISE, SCENE, fields, frame, stiffer, truth
@@ -53,7 +54,7 @@ def test_a_square_has_the_mean_that_a_gaussian_gives_it():
 
 
 def test_small_motions_are_filtered_as_kalman_would():
-    scene = SCENE.replace(gravity=None, magnets=())
+    scene = SCENE.replace(gravity=None, magnets=with_tip(SCENE.rod).magnets)
     load, tip, noise = Unknown(deviation=1e-3, memory=0.3), 2e-6, 1e-6
     generator = np.random.default_rng(3)
     seen = 3e-6 * np.sin(2.0 * np.pi * FRAME * np.arange(1, 26))[:, None] * [0.0, 1.0]

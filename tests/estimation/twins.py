@@ -5,13 +5,14 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from term_sets import damped
 
 from magrod_env import Simulation, load_scene
 from magrod_env.estimation.measurement import Measurement
 
 FRAME = 0.02  # s
 NOISE = 5e-5  # m
-SCENE = load_scene("paper5_circle", modulus="effective").replace(drag_rate=1.0, spin_drag_rate=100.0)
+SCENE = damped(load_scene("paper5_circle", modulus="effective").replace(drag_rate=1.0, spin_drag_rate=100.0))
 
 
 def stiffer(scene, factor):

@@ -41,10 +41,10 @@ def test_kernel_never_reads_what_the_scene_leaves_out(name, plane):
         np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize("num_rods", [1, 8])
-def test_lanes_never_read_what_the_scene_leaves_out(num_rods):
+def test_lanes_never_read_what_the_scene_leaves_out():
+    clean = moved(BARE, num_rods=8)
     for rows in ROWS.values():
-        clean, poisoned = moved(BARE, num_rods=num_rods), moved(BARE, num_rods=num_rods, poison=rows)
+        poisoned = moved(BARE, num_rods=8, poison=rows)
         for one, other in zip(clean, poisoned, strict=True):
             np.testing.assert_array_equal(one, other)
 

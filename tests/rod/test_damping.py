@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
+from term_sets import damped as all_terms
+from term_sets import dragged
 
 from magrod_env import Simulation, load_scene
 from magrod_env.magnetics import FieldCourse
 from magrod_env.rod.damping import damp, damping_rows, freedoms_of, share_due
 
-SOFT = load_scene("paper4_pdms_tip_magnet", modulus=1.48e6).replace(drag_rate=0.0)
+SOFT = dragged(load_scene("paper4_pdms_tip_magnet", modulus=1.48e6))
 WEIGHTLESS = SOFT.replace(gravity=(0.0, 0.0, 0.0))
 TIME = 2e-3  # s, Kelvin-Voigt
 BENT = (0.0, 20e-3, 30e-3)  # T
@@ -17,7 +19,7 @@ RISE = np.sin(np.linspace(0.0, 0.5 * np.pi, 501)) ** 2
 
 
 def damped(scene=WEIGHTLESS, time=TIME, **options):
-    return Simulation(scene.replace(internal_damping=time), **{"num_elements": 4, **options})
+    return Simulation(all_terms(scene.replace(internal_damping=time)), **{"num_elements": 4, **options})
 
 
 def shaken(simulation, seed=0):

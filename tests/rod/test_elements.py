@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from magrod_env.rod.helical import helical_loads, helical_strain, helical_strain_rates, helical_stress
@@ -47,13 +49,14 @@ def random_poses(bend, stretch, seed):
     return pose(start, a), pose(start + LENGTH * chord, b)
 
 
-POSES = {
-    f"{bend}-{stretch}-{seed}": random_poses(BENDS[bend], STRETCHES[stretch], seed)
-    for bend in BENDS
-    for stretch in STRETCHES
-    for seed in range(2)
-}
-all_poses = pytest.mark.parametrize("poses", POSES.values(), ids=POSES.keys())
+# poses of an element: bends and stretches that are special, and any
+poses_of_elements = st.builds(
+    random_poses,
+    st.sampled_from(list(BENDS.values())) | st.floats(0.0, 3.1),
+    st.sampled_from(list(STRETCHES.values())) | st.floats(0.0, 0.5),
+    st.integers(0, 9),
+)
+all_poses = given(poses=poses_of_elements)
 
 
 def stiff(vector, axial, across):
@@ -114,12 +117,12 @@ def test_loads_of_one_element_balance(element, poses):
 
 
 @both_elements
-@pytest.mark.parametrize("name", ["moderate-strong-0", "near_pi-small-1", "tiny-none-0"])
-def test_a_rigid_motion_turns_the_force_and_keeps_the_torques(element, name):
+@all_poses
+def test_a_rigid_motion_turns_the_force_and_keeps_the_torques(element, poses):
     loads_of, _ = ELEMENTS[element]
     turn, shift = Rotation.random(random_state=9), np.array([0.02, -0.01, 0.03])
-    moved = [pose(turn.apply(p) + shift, turn * Rotation.from_quat(np.roll(q, -1))) for p, q in POSES[name]]
-    before, after = loads_of(*POSES[name]), loads_of(*moved)
+    moved = [pose(turn.apply(p) + shift, turn * Rotation.from_quat(np.roll(q, -1))) for p, q in poses]
+    before, after = loads_of(*poses), loads_of(*moved)
     tolerance = 30.0 * rounding(before)
     np.testing.assert_allclose(after[0], turn.apply(before[0]), atol=tolerance)
     np.testing.assert_allclose(after[1], before[1], atol=tolerance * LENGTH)
@@ -139,7 +142,7 @@ def test_no_loads_where_the_rod_only_moves(element):
 @both_elements
 def test_the_sign_of_a_quaternion_does_not_matter_to_a_pose_alone(element):
     """Both ends may flip together; a section turned by 2 pi against its neighbour is another state."""
-    (position_a, a), (position_b, b) = poses = POSES["moderate-small-0"]
+    (position_a, a), (position_b, b) = poses = random_poses(0.3, 1e-3, 0)
     flipped = ((position_a, tuple(-x for x in a)), (position_b, tuple(-x for x in b)))
     for got, want in zip(ELEMENTS[element][0](*flipped), ELEMENTS[element][0](*poses), strict=True):
         np.testing.assert_array_equal(got, want)
@@ -200,7 +203,7 @@ def test_helical_strains_are_the_logarithm_of_the_screw_motion(poses):
 
 
 def test_nodal_strains_are_the_chord_seen_from_either_end():
-    (position_a, a), (position_b, b) = poses = POSES["right_angle-strong-1"]
+    (position_a, a), (position_b, b) = poses = random_poses(1.6, 0.5, 1)
     gamma_a, gamma_b, g, _ = nodal_strain(*poses, 1.0 / LENGTH)
     chord = np.subtract(position_b, position_a) / LENGTH
     rotation_a, rotation_b = (Rotation.from_quat(np.roll(q, -1)) for q in (a, b))
@@ -244,7 +247,7 @@ def test_stress_times_strain_rate_is_the_power_of_the_loads(poses):
 
 
 def test_a_rigid_motion_has_no_strain_rate():
-    (position_a, a), (position_b, b) = poses = POSES["moderate-strong-1"]
+    (position_a, a), (position_b, b) = poses = random_poses(0.3, 0.5, 1)
     spin, velocity = np.array([3.0, -2.0, 5.0]), np.array([0.1, 0.2, -0.3])  # world
     rotation_a, rotation_b = (Rotation.from_quat(np.roll(q, -1)) for q in (a, b))
     velocity_b = velocity + np.cross(spin, np.subtract(position_b, position_a))
@@ -285,9 +288,9 @@ def planar_nodal(pose_a, pose_b):
 
 
 @pytest.mark.parametrize(("element", "planar"), [("helical", planar_helical), ("nodal", planar_nodal)])
-@pytest.mark.parametrize("bend", [0.0, 1e-9, -1e-4, 0.5, -1.6, 2.8, 3.1])
-def test_planar_loads_are_minus_the_gradient_of_the_energy(element, planar, bend):
-    flat, space = planar_case(bend, seed=3)
+@given(bend=st.sampled_from([0.0, 1e-9, -1e-4]) | st.floats(-3.1, 3.1), seed=st.integers(0, 9))
+def test_planar_loads_are_minus_the_gradient_of_the_energy(element, planar, bend, seed):
+    flat, space = planar_case(bend, seed)
     force, torque_a, torque_b = exact_loads(ELEMENTS[element][1], *space, LENGTH, STIFFNESS)
     tolerance = (30.0 if element == "nodal" else 1.0) * rounding((force, torque_a, torque_b))
     got = planar(*flat)

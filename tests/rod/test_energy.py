@@ -133,7 +133,7 @@ def test_a_bend_of_half_a_turn_in_one_element_is_reported():
 
 def test_small_rises_of_energy_add_up():
     """A run that gains five per cent a look, as one just beyond its bound may, is told before it has doubled."""
-    scene = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=None)
+    scene = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=0.0)
     simulation = Simulation(scene, on_failure="report")
     simulation.advance(0.1)
     looks = 0

@@ -14,7 +14,7 @@ SLOPE = {
 }
 CASES = {
     "drag": dict(drag_rate=5.0),
-    "every_term": dict(drag_rate=5.0, internal_damping=1e-4, gradient=True),
+    "every_term": dict(drag_rate=5.0, spin_drag_rate=20.0, internal_damping=1e-4, gradient=True),
     "nodal": dict(drag_rate=5.0, element="nodal"),
 }
 

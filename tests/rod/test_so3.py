@@ -1,12 +1,17 @@
-"""Group laws of rotations, the angle series against mpmath, quaternions of matrices against scipy."""
+"""Group laws of rotations, and the angle series against mpmath."""
+
+from functools import cache
 
 import mpmath
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from magrod_env._jit import jit
 from magrod_env._simd import load, store
+from magrod_env.rod.batch import LANES
 from magrod_env.rod.so3 import (
     chord_slope,
     compose_cayley,
@@ -14,23 +19,28 @@ from magrod_env.rod.so3 import (
     half_angle_series,
     matrix,
     normalise,
-    quaternion_from_matrix,
     relative_rotation,
     rotate,
     rotate_back,
     strain_slope,
 )
 
-ANGLES = {"identity": 0.0, "tiny": 1e-8, "small": 1e-3, "near_pi": np.pi - 1e-9, "pi": np.pi}
-RNG = np.random.default_rng(11)
+ANGLES = st.sampled_from([0.0, 1e-8, 1e-3, np.pi - 1e-9, np.pi]) | st.floats(0.0, np.pi)  # rad
+NUMBERS = st.floats(-1.0, 1.0)
 
 
-def samples():
-    """Rotation vectors: the angles above about three axes, and random ones."""
-    axes = np.vstack([np.eye(3), RNG.normal(size=(3, 3))])
-    axes /= np.linalg.norm(axes, axis=1)[:, None]
-    fixed = [angle * axis for angle in ANGLES.values() for axis in axes]
-    return np.array(fixed + list(RNG.uniform(-1.8, 1.8, (20, 3))))
+@st.composite
+def vectors(draw):
+    """A vector (3,) of numbers from -1 to 1."""
+    return np.array(draw(st.tuples(NUMBERS, NUMBERS, NUMBERS)))
+
+
+@st.composite
+def rotations(draw):
+    """A scipy rotation by any angle, zero, tiny and pi among them, about any axis."""
+    axis = draw(vectors())
+    size = np.linalg.norm(axis)
+    return Rotation.from_rotvec(draw(ANGLES) * (axis / size if size > 1e-3 else np.eye(3)[2]))
 
 
 def quaternion(rotation):
@@ -39,37 +49,30 @@ def quaternion(rotation):
     return w, x, y, z
 
 
-ROTATIONS = [Rotation.from_rotvec(vector) for vector in samples()]
+@given(rotations(), st.sampled_from([1.0, 3.0]))
+def test_matrix_is_that_of_scipy_for_a_quaternion_of_any_length(rotation, length):
+    rows = matrix(tuple(length * np.array(quaternion(rotation))), 2.0 / length**2)
+    np.testing.assert_allclose(rows, rotation.as_matrix(), atol=4e-16)
 
 
-@pytest.mark.parametrize("rotation", ROTATIONS)
-def test_matrix_is_that_of_scipy_for_a_quaternion_of_any_length(rotation):
-    q = np.array(quaternion(rotation))
-    for length in (1.0, 3.0):
-        rows = matrix(tuple(length * q), 2.0 / length**2)
-        np.testing.assert_allclose(rows, rotation.as_matrix(), atol=4e-16)
+@given(rotations(), vectors())
+def test_rotations_are_orthogonal_and_inverted_by_the_transpose(rotation, vector):
+    rows, v = matrix(quaternion(rotation), 2.0), tuple(2.0 * vector)
+    np.testing.assert_allclose(np.array(rows) @ np.array(rows).T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(rotate(rows, v), rotation.apply(v), atol=2e-15)
+    np.testing.assert_allclose(rotate_back(rows, rotate(rows, v)), v, atol=2e-15)
 
 
-def test_rotations_are_orthogonal_and_inverted_by_the_transpose():
-    v = (0.3, -1.2, 2.0)
-    for rotation in ROTATIONS:
-        rows = matrix(quaternion(rotation), 2.0)
-        np.testing.assert_allclose(np.array(rows) @ np.array(rows).T, np.eye(3), atol=1e-15)
-        np.testing.assert_allclose(rotate(rows, v), rotation.apply(v), atol=2e-15)
-        np.testing.assert_allclose(rotate_back(rows, rotate(rows, v)), v, atol=2e-15)
+@given(rotations(), rotations())
+def test_relative_rotation_is_the_inverse_of_one_times_the_other(a, b):
+    w, vector = relative_rotation(quaternion(a), quaternion(b))
+    np.testing.assert_allclose(w**2 + np.dot(vector, vector), 1.0, atol=1e-15)
+    # the product of matrices, as two signs stand for one rotation
+    np.testing.assert_allclose(matrix((w, *vector), 2.0), (a.inv() * b).as_matrix(), atol=2e-15)
 
 
-def test_relative_rotation_is_the_inverse_of_one_times_the_other():
-    for a in ROTATIONS:
-        for b in ROTATIONS[::5]:
-            w, vector = relative_rotation(quaternion(a), quaternion(b))
-            np.testing.assert_allclose(w**2 + np.dot(vector, vector), 1.0, atol=1e-15)
-            # the product of matrices, as two signs stand for one rotation
-            np.testing.assert_allclose(matrix((w, *vector), 2.0), (a.inv() * b).as_matrix(), atol=2e-15)
-
-
-def test_relative_rotation_is_invariant_under_a_common_rotation():
-    a, b, common = ROTATIONS[-1], ROTATIONS[-2], ROTATIONS[-3]
+@given(rotations(), rotations(), rotations())
+def test_relative_rotation_is_invariant_under_a_common_rotation(a, b, common):
     turned = [tuple(multiply(quaternion(common), quaternion(r))) for r in (a, b)]
     before, after = relative_rotation(quaternion(a), quaternion(b)), relative_rotation(*turned)
     np.testing.assert_allclose(after[0], before[0], atol=1e-15)
@@ -83,36 +86,20 @@ def multiply(p, q):
     return np.concatenate([[scalar], p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:])])
 
 
-def test_cayley_vector_turns_by_twice_the_arc_tangent_of_its_length():
-    for f in ([0, 0, 0], [1e-8, 0, 0], [0.2, -0.1, 0.05], [3.0, 1.0, -2.0]):
-        f = np.array(f, float)
-        size = np.linalg.norm(f)
-        step = Rotation.from_rotvec(2 * np.arctan(size) * f / size if size else f)
-        for start in ROTATIONS[::4]:
-            q = normalise(compose_cayley(quaternion(start), tuple(f)))
-            np.testing.assert_allclose(np.linalg.norm(q), 1.0, atol=3e-16)
-            np.testing.assert_allclose(matrix(q, 2.0), (start * step).as_matrix(), atol=2e-15)
+@given(rotations(), vectors(), st.sampled_from([0.0, 1e-8, 0.2, 3.0]))
+def test_cayley_vector_turns_by_twice_the_arc_tangent_of_its_length(start, direction, scale):
+    f = scale * direction
+    size = np.linalg.norm(f)
+    step = Rotation.from_rotvec(2 * np.arctan(size) * f / size if size else f)
+    q = normalise(compose_cayley(quaternion(start), tuple(f)))
+    np.testing.assert_allclose(np.linalg.norm(q), 1.0, atol=3e-16)
+    np.testing.assert_allclose(matrix(q, 2.0), (start * step).as_matrix(), atol=2e-15)
 
 
 def test_cross_product_is_right_handed():
     assert cross((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)) == (0.0, 0.0, 1.0)
-    a, b = RNG.normal(size=(2, 3))
+    a, b = np.random.default_rng(11).normal(size=(2, 3))
     np.testing.assert_allclose(cross(tuple(a), tuple(b)), np.cross(a, b), rtol=1e-15)
-
-
-@pytest.mark.parametrize("rotation", ROTATIONS)
-def test_quaternion_of_a_matrix_at_every_angle(rotation):
-    q = np.array(quaternion_from_matrix(rotation.as_matrix()))
-    expected = np.array(quaternion(rotation))
-    np.testing.assert_allclose(q * np.sign(q @ expected), expected, atol=1e-15)
-
-
-def test_quaternion_of_a_matrix_by_each_of_its_components():
-    """Half turns about the axes and diagonals, where one component or two are zero."""
-    for axis in ([1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [0, 1, 1], [1, 0, 1], [1, 1, 1], [-1, 1, 1]):
-        rotation = Rotation.from_rotvec(np.pi * np.array(axis) / np.linalg.norm(axis))
-        rows = matrix(quaternion_from_matrix(rotation.as_matrix()), 2.0)
-        np.testing.assert_allclose(rows, rotation.as_matrix(), atol=1e-15)
 
 
 def half_angle_exactly(x):
@@ -144,14 +131,19 @@ def series_of_float(series):
     return jit(lambda x: series(x))
 
 
-def series_of_lanes(series):
+@cache
+def series_of_lanes(name):
+    series = SERIES[name][0]
     return jit(lambda values, out, lanes: store(out, 0, series(load(values, 0, lanes)), lanes))
 
 
 def run_lanes(name, x):
-    out = np.zeros_like(x)
-    series_of_lanes(SERIES[name][0])(x, out, (0,) * len(x))
-    return out
+    """The series of all numbers (a multiple of the lanes), one block of lanes after the other."""
+    lanes = (0,) * LANES[x.dtype.name]
+    blocks, out = x.reshape(-1, len(lanes)), np.zeros((x.size // len(lanes), len(lanes)), x.dtype)
+    for values, results in zip(blocks, out, strict=True):
+        series_of_lanes(name)(values, results, lanes)
+    return out.ravel()
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])

@@ -8,6 +8,7 @@ from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
+from term_sets import dragged
 
 from magrod_env import Equilibrium, Rod, Scene, Simulation, StabilityError, load_scene
 from rod.beams import slender_rod, weightless
@@ -210,7 +211,7 @@ def test_equilibrium_is_where_a_damped_motion_ends(element):
 
 @pytest.mark.parametrize("element", ["helical", "nodal"])
 def test_a_rod_released_in_its_equilibrium_stays_there(element):
-    simulation = Simulation(load_scene("paper4_pdms_tip_magnet"), num_elements=6, element=element)
+    simulation = Simulation(dragged(load_scene("paper4_pdms_tip_magnet")), num_elements=6, element=element)
     simulation.reset(field=(0.0, 3e-3, 9e-3))
     before = simulation.positions
     simulation.advance(0.5)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from term_sets import damped
 
 from magrod_env import Simulation, load_scene
 from magrod_env.rod.layout import AXIAL, BENDING, SHEAR, SWAY, TORSION
@@ -13,7 +14,7 @@ from magrod_env.rod.layout import AXIAL, BENDING, SHEAR, SWAY, TORSION
 REFERENCE = np.load(Path(__file__).parents[1] / "reference" / "reference.npz")
 SOFT = load_scene("paper4_pdms_tip_magnet").replace(drag_rate=0.0)
 DRAGGED = SOFT.replace(drag_rate=5.0)
-DAMPED = SOFT.replace(drag_rate=5.0, internal_damping=1e-3)
+DAMPED = damped(SOFT.replace(drag_rate=5.0, internal_damping=1e-3))
 GRAVITY = np.array(SOFT.gravity)
 UP = (0.0, 0.0, 7.75e-3)
 
@@ -67,16 +68,15 @@ def test_second_order_in_time(scene, time_step):
     np.testing.assert_allclose(np.log2(changes[:-1] / changes[1:]), 2.0, atol=0.1)
 
 
-@pytest.mark.parametrize("parts", [1, 7])
-def test_a_duration_in_parts_is_the_same_motion(parts):
+def test_a_duration_in_parts_is_the_same_motion():
     """Positions and velocities belong to one time at every return.
 
     A stop cuts one free rotation in two, which in discrete time differs by the third power of its angle.
     """
     whole, split = (Simulation(DRAGGED, num_elements=3, time_step=5e-5) for _ in range(2))
     whole.advance(0.07, field=UP)
-    for _ in range(parts):
-        split.advance(0.07 / parts, field=UP)
+    for _ in range(7):
+        split.advance(0.01, field=UP)
     np.testing.assert_allclose(split.positions, whole.positions, atol=1e-12)
 
 
