@@ -119,7 +119,7 @@ class SteeringCore:
                 f"{shift!r} m: give less than half the distance between the magnets."
             )
         segments = [self.scene.segment_ends.index(magnet.position) for magnet in self.scene.magnets]
-        model = StaticModel(worst, self.batch.counts, segments, False, self.scene.gravity)
+        model = StaticModel(worst, self.batch.counts, segments, False, self.scene.gravity, self.scene.acting_loads)
         strongest = float(np.linalg.norm(self.coils.limit)) * (1.0 + spread.field_gain)
         if time_step is None:
             step = SAFETY * model.working_time_step(strongest, self.plane)
@@ -218,6 +218,7 @@ class SteeringCore:
             self._spread: np.ndarray | None = np.array([getattr(spread, name) for name in names])
             model = self.workspace.model
             self._scratch = make_blocks(8, model.layout, model.terms, np.float64).reshape(1, -1, 8)
+            self._scratch[0] = model._block.reshape(-1, 8)
             self._making = Making(
                 layout=self.batch.layout,
                 plane=1 if self.plane == "xy" else 2,

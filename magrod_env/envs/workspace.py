@@ -24,7 +24,8 @@ class Workspace:
     def __init__(self, scene: Scene, num_elements: int, axial_softening: float = 1.0) -> None:
         values, segments = rod_values(scene, axial_softening)
         self.scene = scene
-        self.model = StaticModel(values, split_elements(values.ends, num_elements), segments, False, scene.gravity)
+        counts = split_elements(values.ends, num_elements)
+        self.model = StaticModel(values, counts, segments, False, scene.gravity, scene.acting_loads)
 
     @property
     def tracked_nodes(self) -> tuple[int, ...]:

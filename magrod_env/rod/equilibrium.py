@@ -1,6 +1,7 @@
 """Statics and linearisation of one rod behind a small object: equilibria, branches, stiffness, stable steps."""
 
 import copy
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,10 +10,11 @@ from magrod_env._jit import PRESENT
 from magrod_env.rod import stability
 from magrod_env.rod.energy import LARGEST_STRAIN, SHEAR_SHARE
 from magrod_env.rod.layout import Terms, make_blocks, make_layout, rows_of
+from magrod_env.rod.loads.hub import SHARE, first_rows, load_terms, place_loads
 from magrod_env.rod.mesh import RodValues, write_rod
 from magrod_env.rod.state import rotation_matrices
 from magrod_env.rod.statics import LARGEST_TURN, REACHED, SHORTEST_STEP, find_equilibrium, relax, set_loads, turn
-from magrod_env.rod.tangent import BAND, LANES, assemble, factorise, solve_factored
+from magrod_env.rod.tangent import BAND, LANES, assemble, band_width, factorise, solve_factored
 
 HELD = 1e-6  # what a shape may move, in lengths and rad, under loads whose equilibrium it is said to be
 MOST_FLOWS = 1000  # steps of a relaxation
@@ -63,7 +65,7 @@ class Equilibrium:
 class StaticModel:
     """One rod's constants, always in float64 and in space, for equilibria and linearisation."""
 
-    def __init__(self, values: RodValues, counts, magnet_segments, nodal: bool, gravity):
+    def __init__(self, values: RodValues, counts, magnet_segments, nodal: bool, gravity, loads=()):
         def present(flag):
             return PRESENT if flag else None
 
@@ -73,17 +75,29 @@ class StaticModel:
             nodal=present(nodal),
             gravity=present(gravity is not None),
             magnets=present(len(magnet_segments) > 0),
+            loads=load_terms(loads),
         )
         ends = np.cumsum(counts)
-        self.layout = make_layout(int(ends[-1]), tuple(int(ends[s]) for s in magnet_segments), self.terms)
+        layout = make_layout(int(ends[-1]), tuple(int(ends[s]) for s in magnet_segments), self.terms)
+        self.layout, self.loads = place_loads(layout, self.terms, loads, values.ends, counts), loads
         self.gravity = np.zeros(3) if gravity is None else np.array(gravity, float)
         self._block = make_blocks(len(LANES), self.layout, self.terms, np.float64)[0]
         rows = rows_of(self._block[None], len(LANES))[0]
         for lane in range(len(LANES)):
             write_rod(rows, lane, self.layout, counts, values, None, self.terms.nodal)
         stability.set_gravity(self._block, self.terms, self.gravity)
+        self._write_loads(rows)
         length = values.ends[-1]
         self._flow = values.bending / length * np.tile([length**-2] * 3 + [1.0] * 3, self.layout.num_elements)
+
+    def _write_loads(self, rows, factor: float = 1.0) -> None:
+        """Write the listed loads, times a factor, into all lanes of a block's rows."""
+        if not self.loads:
+            return
+        rows[self.layout.loads.own + SHARE] = 1.0
+        for load, first in zip(self.loads, first_rows(self.layout, self.loads), strict=True):
+            rows[first : first + load.ROWS] = load.rows(None)[0][:, None]
+            rows[first : first + load.FORCES] *= factor
 
     def straight(self):
         """Positions (num_nodes, 3) and quaternions (num_nodes, 4) of the straight rod."""
@@ -167,7 +181,17 @@ class StaticModel:
     def _result(self, positions, quaternions, reached, share, field, slopes) -> Equilibrium:
         loads = np.array(field, float), slopes.reshape(3, 3).copy()
         strained = self._strain(positions, quaternions) > LARGEST_STRAIN
-        return Equilibrium(positions, quaternions, bool(reached) and not strained, float(share), *loads, strained)
+        found = bool(reached) and not strained
+        case = Equilibrium(positions, quaternions, found, float(share), *loads, strained)
+        if found and band_width(self.terms) > BAND and stability.diverges(self._scaled_stiffness(case)):
+            return dataclasses.replace(case, reached=False)  # its determinant did not show it: two passed zero at once
+        return case
+
+    def _scaled_stiffness(self, case: Equilibrium):
+        """Dense stiffness (6 N, 6 N), N m, with displacements over the first element's length."""
+        length = np.diff(self.straight()[0][:2, 0])[0]
+        scale = np.tile([length] * 3 + [1.0] * 3, self.layout.num_elements)
+        return scale[:, None] * self.linearise(case)[0] * scale
 
     def _strain(self, positions, quaternions) -> float:
         """Largest stretch or squeeze of an element's chord or, of helical elements, SHEAR_SHARE of its shear against
@@ -199,7 +223,7 @@ class StaticModel:
 
     def _room(self):
         size = 6 * self.layout.num_elements
-        return np.zeros(size), np.zeros((size, BAND))
+        return np.zeros(size), np.zeros((size, band_width(self.terms)))
 
     def _loaded(self, loads):
         """The rod's block with gravity and loads (12,): field, T, and gradient, T/m."""
@@ -237,7 +261,7 @@ class StaticModel:
         """Dense stiffness and lumped inertia at an equilibrium; None: straight and without load."""
         block = self._block.copy()
         if case is None:
-            terms = self.terms._replace(magnets=None)
+            terms = self.terms._replace(magnets=None, loads=())
             return stability.linearise(block, self.layout, terms, None, *self.straight())
         set_loads(block, self.terms, 2.0, self.gravity, case.field, case.gradient.ravel())
         present = PRESENT if case.gradient.any() else None
@@ -254,21 +278,30 @@ class StaticModel:
     def working_time_step(self, field_magnitude: float, plane: str | None) -> float:
         """Bound on the step, s, that also covers a swing under gravity and sudden fields up to ``field_magnitude`` T.
 
-        The least of straight, sagging under 2 g and hanging under 3 g, as at the bottom of a swing, all with
-        ``shock_stiffness`` added (docs/physics.md).
+        The least of straight, pulled by three times the listed loads, sagging under 2 g and twice these loads, and
+        hanging under 3 g, as at the bottom of a swing, all with ``shock_stiffness`` added (docs/physics.md).
         """
         shock = stability.shock_stiffness(self._block, self.layout, self.terms, field_magnitude)
-        bound = stability.stable_time_step(self._block, self.layout, self.terms, field_magnitude, plane, shock)
-        if self.terms.gravity is None:
-            return bound
-        hanging = np.array([3.0 * np.linalg.norm(self.gravity), 0.0, 0.0])
-        for gravity in (2.0 * self.gravity, hanging):
-            swung = copy.copy(self)
-            swung.gravity, swung._block = gravity, self._block.copy()
-            stability.set_gravity(swung._block, self.terms, gravity)
+        pulled = self._swung(self.gravity, 3.0)._block
+        bound = stability.stable_time_step(pulled, self.layout, self.terms, field_magnitude, plane, shock)
+        cases = []
+        if self.terms.gravity is not None or self.loads:
+            cases.append((2.0 * self.gravity, 2.0))
+        if self.terms.gravity is not None:
+            cases.append((np.array([3.0 * np.linalg.norm(self.gravity), 0.0, 0.0]), 1.0))
+        for gravity, factor in cases:
+            swung = self._swung(gravity, factor)
             stiffness, inertia = swung.linearise(swung.equilibrium(np.zeros(3)))
             bound = min(bound, stability.time_step_bound(stiffness + np.diag(shock), inertia, plane))
         return bound
+
+    def _swung(self, gravity, factor: float):
+        """The same rod under another gravity (3,) m/s^2 and a multiple of the listed loads."""
+        swung = copy.copy(self)
+        swung.gravity, swung._block = gravity, self._block.copy()
+        stability.set_gravity(swung._block, self.terms, gravity)
+        swung._write_loads(rows_of(swung._block[None], len(LANES))[0], factor)
+        return swung
 
 
 def _slopes(gradient) -> np.ndarray:

@@ -3,8 +3,11 @@
 import numpy as np
 
 from magrod_env.rod.layout import AXIAL, BENDING, ELEMENT_ROWS, GRAVITY, LENGTH, SHEAR, SPATIAL, TILT, Layout, Terms
-from magrod_env.rod.tangent import BAND, assemble
+from magrod_env.rod.loads.hub import nodal_sizes
+from magrod_env.rod.tangent import BAND, assemble, band_width
 
+ROUNDING = 1e-13  # of the largest eigenvalue
+NEARLY_REAL = 1e-6  # of an eigenvalue: its imaginary part
 ACTIVE = {None: [0, 1, 2, 3, 4, 5], "xy": [0, 1, 5], "xz": [0, 2, 4]}  # degrees of freedom of a node
 
 
@@ -14,13 +17,15 @@ def linearise(block, layout: Layout, terms: Terms, gradient, positions, rotation
     ``block`` holds the rod's constants in all lanes; ``positions`` (N + 1, 3) m, ``rotations`` (N + 1, 4).
     """
     size = 6 * layout.num_elements
-    residual, band = np.zeros(size), np.zeros((size, BAND))
+    residual, band = np.zeros(size), np.zeros((size, band_width(terms)))
     assemble(block, layout, terms, terms.nodal, gradient, positions, rotations, residual, band, 4)
     stiffness = np.zeros((size, size))
     for i in range(size):
         for k in range(max(0, BAND - 1 - i), BAND):
             j = i - (BAND - 1 - k)
             stiffness[i, j] = stiffness[j, i] = band[i, k]
+            if band.shape[1] > BAND:
+                stiffness[j, i] = band[j, BAND - 1 + i - j]
     rows = block.reshape(-1, len(terms.lanes))[:, 0]
     nodes = layout.nodes + SPATIAL.size * np.arange(1, layout.num_elements + 1)
     mass = 1.0 / rows[nodes + SPATIAL.inverse_mass]
@@ -39,11 +44,29 @@ def straight(block, layout: Layout, terms: Terms):
 
 
 def angular_frequencies(stiffness, inertia, plane: str | None):
-    """Natural angular frequencies, rad/s, increasing; NaN for the directions in which the rod is unstable."""
+    """Natural angular frequencies, rad/s, increasing; NaN for the directions in which the rod is unstable: where its
+    stiffness is negative or, under loads without a potential, where it flutters.
+    """
     keep = [6 * (i // 6) + i % 6 for i in range(len(inertia)) if i % 6 in ACTIVE[plane]]
     root = 1.0 / np.sqrt(inertia[keep])
-    squares = np.linalg.eigvalsh(root[:, None] * stiffness[np.ix_(keep, keep)] * root)
+    scaled = root[:, None] * stiffness[np.ix_(keep, keep)] * root
+    if np.array_equal(scaled, scaled.T):
+        squares = np.linalg.eigvalsh(scaled)
+    else:
+        squares = np.sort(real_parts(np.linalg.eigvals(scaled)))
     return np.sqrt(np.where(squares >= 0.0, squares, np.nan))
+
+
+def real_parts(values):
+    """Those of the eigenvalues that are real, NaN for the others."""
+    largest = np.abs(values).max()
+    return np.where(np.abs(values.imag) <= NEARLY_REAL * np.abs(values) + ROUNDING * largest, values.real, np.nan)
+
+
+def diverges(stiffness) -> bool:
+    """Whether a stiffness that is not symmetric has a negative eigenvalue: a displacement then grows by itself."""
+    values = real_parts(np.linalg.eigvals(stiffness))
+    return bool((values < 0.0).any())
 
 
 def stable_time_step(
@@ -54,11 +77,18 @@ def stable_time_step(
     2/omega_max of the linearised rod; a dipole adds at most |m||B| to its node's rotational stiffness (Rayleigh's
     bound). ``added`` (6 N,) is further stiffness on the diagonal. ``pull`` (T/m) is the largest entry of a field
     gradient, which may pull every magnet along the rod with |m| times as much: tension stiffens the sections' rotation.
-    Internal damping does not shorten the step.
+    Internal damping does not shorten the step. Listed loads count with their sizes, in whatever direction: forces pull
+    the rod along, moments and forces that follow add stiffness (``load_stiffness``).
     """
     positions, rotations = straight(block, layout, terms)
-    stretched = stretch(block, layout, terms, positions, pull) if pull > 0.0 else positions
-    stiffness, inertia = linearise(block, layout, terms._replace(magnets=None), None, stretched, rotations)
+    sizes = nodal_sizes(block.reshape(-1, len(terms.lanes))[:, 0], layout, terms)
+    if pull > 0.0 or sizes.any():
+        stretched = stretch(block, layout, terms, positions, pull, sizes[:, 0] + sizes[:, 1])
+    else:
+        stretched = positions
+    bare = terms._replace(magnets=None, loads=())
+    stiffness, inertia = linearise(block, layout, bare, None, stretched, rotations)
+    stiffness += np.diag(load_stiffness(positions, sizes))
     for number, node in enumerate(layout.magnet_nodes):
         for k in (3, 4, 5):
             i = 6 * (node - 1) + k
@@ -72,11 +102,26 @@ def moment_of(block, layout: Layout, terms: Terms, magnet: int) -> float:
     return float(np.linalg.norm(rows[layout.magnets + 3 * magnet :][:3]))
 
 
-def stretch(block, layout: Layout, terms: Terms, positions, pull: float):
-    """Positions (N + 1, 3) of the straight rod whose magnets are pulled along it with ``pull`` times their moments."""
+def load_stiffness(positions, sizes):
+    """Diagonal stiffness (6 N,) that bounds what loads of ``sizes`` (see ``nodal_sizes``) add to the tangent.
+
+    A moment M couples rotations, by |M| at most. A following force F couples a node's displacement with its rotation by
+    |F|; 2 ab <= a^2 + b^2 makes that |F|/h and |F| h of the length h of the element before it.
+    """
+    added = np.zeros((len(sizes) - 1, 6))
+    length = np.diff(positions[:, 0])[:, None]
+    added[:, :3] += sizes[1:, 1:2] / length
+    added[:, 3:] += sizes[1:, 1:2] * length + sizes[1:, 2:3]
+    return added.ravel()
+
+
+def stretch(block, layout: Layout, terms: Terms, positions, pull: float, forces):
+    """Positions (N + 1, 3) of the straight rod whose magnets are pulled along it with ``pull`` times their moments, and
+    its nodes with ``forces`` (N + 1,) N.
+    """
     rows = block.reshape(-1, len(terms.lanes))[:, 0]
     elements = layout.elements + ELEMENT_ROWS * np.arange(layout.num_elements)
-    tension = np.zeros(layout.num_elements)
+    tension = np.cumsum(forces[:0:-1])[::-1]
     for number, node in enumerate(layout.magnet_nodes):
         tension[:node] += pull * moment_of(block, layout, terms, number)
     stretched = positions.copy()

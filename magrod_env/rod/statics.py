@@ -10,7 +10,8 @@ import numpy as np
 
 from magrod_env._jit import jit
 from magrod_env.rod.layout import ELEMENT_ROWS, FIELD, GRADIENT, GRAVITY, LENGTH
-from magrod_env.rod.tangent import assemble, factorise, solve_factored
+from magrod_env.rod.loads.hub import set_share
+from magrod_env.rod.tangent import assemble, band_width, factorise, solve_factored
 
 REACHED, LOST = 0, 1
 LARGEST_TURN = 0.3  # rad, of any node between accepted points
@@ -88,14 +89,15 @@ def find_equilibrium(block, layout, terms, nodal, with_gradient, field, gradient
         h = block[lanes * (layout.elements + ELEMENT_ROWS * element + LENGTH)]
         positions[element + 1, 0] = positions[element, 0] + h
     residual = np.zeros(6 * layout.num_elements)
-    band = np.zeros((6 * layout.num_elements, 12))
+    band = np.zeros((6 * layout.num_elements, band_width(terms)))
     trial_positions, trial_rotations = positions.copy(), rotations.copy()
-    share = 1.0 if terms.gravity is None else 0.0
+    share = 1.0 if terms.gravity is None and len(terms.loads) == 0 else 0.0
     step = 0.5
     while share < 2.0:
         end = 1.0 if share < 1.0 else 2.0
         goal = min(share + step, end)
         set_loads(block, terms, goal, gravity, field, gradient)
+        set_share(block, layout, terms.loads, terms.lanes, min(goal, 1.0))
         trial_positions[:] = positions
         trial_rotations[:] = rotations
         if relax(block, layout, terms, nodal, with_gradient, trial_positions, trial_rotations, residual, band):
@@ -108,4 +110,5 @@ def find_equilibrium(block, layout, terms, nodal, with_gradient, field, gradient
             if step < SHORTEST_STEP:
                 break
     set_loads(block, terms, 2.0, gravity, field, gradient)
+    set_share(block, layout, terms.loads, terms.lanes, 1.0)
     return (REACHED if share >= 2.0 else LOST), share

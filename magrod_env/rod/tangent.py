@@ -9,13 +9,23 @@ are small differences of large stiffnesses: for these, differences are extrapola
 import numpy as np
 
 from magrod_env._jit import jit
+from magrod_env.rod.access import load_pose, store3
+from magrod_env.rod.elements import element_loads
+from magrod_env.rod.general_band import HALF, WIDE, factorise_general, mirror, solve_general
 from magrod_env.rod.layout import ELEMENT_ROWS, GRAVITY, SPATIAL
-from magrod_env.rod.loads import element_loads, load_pose, magnet_loads, store3
+from magrod_env.rod.loads.hub import any_circulatory, static_loads
+from magrod_env.rod.loads.magnets import magnet_loads
 
 LANES = (0,) * 8
 BAND = 12
 STEP = 2e-6  # of the perturbation: rad, and of an element's length
 LONG_STEP = 2e-5  # the same where differences over this step and twice as much are extrapolated
+
+
+@jit
+def band_width(terms):
+    """Numbers a row of the tangent's band: the lower triangle's, or all where it is not symmetric."""
+    return WIDE if any_circulatory(terms, terms.loads) else BAND
 
 
 @jit
@@ -89,8 +99,8 @@ def difference(order, pair):
 
 @jit
 def assemble(block, layout, terms, nodal, gradient, positions, rotations, residual, band, order):
-    """Residual loads (6 N,) and the symmetric part of the tangent (6 N, 12) at a configuration, by central differences
-    of ``order`` 2 or 4.
+    """Residual loads (6 N,) and the tangent (6 N, ``band_width``) at a configuration, by central differences
+    of ``order`` 2 or 4; where loads have no potential, all of it, else its symmetric part.
 
     ``block`` holds the rod's constants in all eight lanes. Row 6 (a - 1) + k of the residual is force k (world, N) or
     torque k - 3 (body, N m) on node a.
@@ -142,6 +152,7 @@ def assemble(block, layout, terms, nodal, gradient, positions, rotations, residu
                 residual[6 * (node - 1) + k] += mass * rows[GRAVITY + k, 0]
     if terms.magnets is not None:
         add_magnets(block, layout, terms, gradient, positions, rotations, residual, band)
+    add_listed_loads(block, layout, terms, terms.loads, positions, rotations, residual, band)
 
 
 @jit
@@ -173,11 +184,57 @@ def add_magnets(block, layout, terms, gradient, positions, rotations, residual, 
 
 
 @jit
+def static_load_lanes(block, layout, node, terms, scratch, out):
+    """Loads on a node for the eight poses in ``scratch``: rows of ``out`` are force and torque."""
+    pose = load_pose(scratch, 0, terms.lanes, None)
+    force, torque = static_loads(block, layout, terms, node, pose)
+    store3(out, 0, force, terms.lanes)
+    store3(out, 3, torque, terms.lanes)
+
+
+@jit
+def add_listed_loads(block, layout, terms, loads, positions, rotations, residual, band):
+    """Add the loads that the scene lists and, where they have no potential, what these add to the tangent.
+
+    They depend on the rotation of their node alone. The symmetrised rest of the tangent lacks half of the cross product
+    with their torque, which balances that of the rest (docs/physics.md).
+    """
+    if len(loads) == 0:
+        return
+    scratch, out = np.zeros(14 * 8), np.zeros(9 * 8)
+    view, on_node = scratch.reshape(14, 8), out.reshape(9, 8)
+    if band.shape[1] > BAND:
+        mirror(band.reshape(-1), 0, band.shape[0], (0,))
+    for node in range(1, layout.num_elements + 1):
+        first = 6 * (node - 1)
+        for lane in range(8):
+            step = STEP if lane % 2 == 0 else -STEP
+            direction = 3 + lane // 2 if lane < 6 else -1
+            write_pose(view, 0, positions[node], rotations[node], direction, lane, step, 1.0)
+        static_load_lanes(block, layout, node, terms, scratch, out)
+        for k in range(6):
+            residual[first + k] += on_node[k, 6]
+            for axis in range(3):
+                if band.shape[1] > BAND:
+                    slope = (on_node[k, 2 * axis] - on_node[k, 2 * axis + 1]) / (2.0 * STEP)
+                    band[first + k, HALF + 3 + axis - k] -= slope
+        if band.shape[1] > BAND:
+            for axis in range(3):
+                i, j, half = first + 3 + axis, first + 3 + (axis + 1) % 3, 0.5 * on_node[3 + (axis + 2) % 3, 6]
+                band[i, HALF + j - i] -= half
+                band[j, HALF + i - j] += half
+
+
+@jit
 def factorise(band):
     """LDL^T of a symmetric band matrix in place; returns the number of negative pivots, -1 if one is zero or not
-    finite.
+    finite. LU of one that is not symmetric: 0 where its determinant is positive, else -1.
     """
     n = band.shape[0]
+    if band.shape[1] > BAND:
+        sign = np.zeros(1)
+        factorise_general(band.reshape(-1), 0, n, sign, (0,))
+        return 0 if sign[0] > 0.0 else -1
     negative = 0
     for i in range(n):
         first = max(0, i - BAND + 1)
@@ -203,6 +260,9 @@ def factorise(band):
 def solve_factored(band, vector):
     """Solve in place with a matrix that ``factorise`` has factored."""
     n = band.shape[0]
+    if band.shape[1] > BAND:
+        solve_general(band.reshape(-1), 0, n, vector, (0,))
+        return
     for i in range(n):
         for j in range(max(0, i - BAND + 1), i):
             vector[i] -= band[i, BAND - 1 - (i - j)] * vector[j]
