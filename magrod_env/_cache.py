@@ -27,7 +27,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvid
 from numba.core.serialize import dumps
 
 ROOT = Path(__file__).parent
-SHARED = ("_cache.py", "_jit.py", "_simd.py", "rod/*.py")  # what kernels anywhere may call, and how they are kept
+SHARED = ("_cache.py", "_jit.py", "_simd.py", "rod/**/*.py")  # what kernels anywhere may call, and how they are kept
 DIGEST_SIZE = hashlib.sha256().digest_size
 WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from magrod_env.rod.loads.fluid_drag import FluidDrag
 from magrod_env.scene import Scene
 
 _OUTER = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
@@ -21,7 +22,8 @@ DAMPED_STEP = 2.0  # of implicit4, over the time of a drag: its middle share goe
 
 def implicit_schemes(scene: Scene) -> tuple[str, ...]:
     """Those that can step the scene, the most exact first."""
-    return ("implicit",) if scene.damping_time is not None else ("implicit4", "implicit")
+    one_way = scene.damping_time is not None or _in_fluid(scene)
+    return ("implicit",) if one_way else ("implicit4", "implicit")
 
 
 def check_integrator(
@@ -46,12 +48,21 @@ def check_integrator(
                 f"{name} must be {needed!r} with integrator={integrator!r}, but got {value!r}: leave it out, or use "
                 'integrator="explicit".'
             )
+    if integrator == "implicit4" and _in_fluid(scene):
+        raise ValueError(
+            'loads must hold no FluidDrag with integrator="implicit4", part of whose step goes back in time, but they '
+            'do: use integrator="implicit".'
+        )
     if integrator not in implicit_schemes(scene):
         raise ValueError(
             'internal_damping must be None with integrator="implicit4", part of whose step goes back in time, but got '
             f'{scene.damping_time!r}: use integrator="implicit".'
         )
     return integrator
+
+
+def _in_fluid(scene: Scene) -> bool:
+    return any(isinstance(load, FluidDrag) for load in scene.loads)
 
 
 def cost_rate(integrator: str, num_elements: int, time_step: float) -> float:

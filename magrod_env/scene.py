@@ -15,9 +15,17 @@ from typing import Any, Literal
 import numpy as np
 
 from magrod_env.magnetics import _checks, dipole_moment
+from magrod_env.rod.loads.distributed_force import DistributedForce
+from magrod_env.rod.loads.fluid_drag import FluidDrag
+from magrod_env.rod.loads.hub import KINDS, SINGLE
+from magrod_env.rod.loads.point_load import PointLoad
+from magrod_env.rod.loads.tip_wrench import TipWrench
 
 Vector = _checks.Vector
 """Three floats."""
+
+Load = TipWrench | DistributedForce | PointLoad | FluidDrag
+"""What `Scene.loads` may list."""
 
 _SAME_PLACE = 1e-9  # positions closer than this share of the rod's length are one place
 
@@ -307,10 +315,12 @@ class Scene:
         loss_factor: the same as a loss factor at the first bending vibration, 0.1 for many silicones: the Kelvin-Voigt
             time is loss_factor/(2 pi `first_frequency`), and a vibration of frequency f has f/`first_frequency` times
             the loss factor.
+        loads: further loads, in any order: at most one `TipWrench`, one `DistributedForce` and one `FluidDrag`, and any
+            number of `PointLoad`.
 
     Raises:
-        ValueError: if an entry is of the wrong kind, a magnet lies off the rod or on another, or a number is
-            negative or beyond what can be built.
+        ValueError: if an entry is of the wrong kind, a magnet lies off the rod or on another, a load lies off the rod
+            or is there twice, or a number is negative or beyond what can be built.
     """
 
     rod: Rod
@@ -320,11 +330,14 @@ class Scene:
     spin_drag_rate: float | None = None
     internal_damping: float | None = None
     loss_factor: float | None = None
+    loads: tuple[Load, ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.rod, Rod):
             raise ValueError(f"rod of the scene must be a Rod, but got {self.rod!r}: use Rod.circular or Rod.square.")
         object.__setattr__(self, "magnets", _placed(self.magnets, self.rod.length))
+        places = [magnet.position for magnet in self.magnets]
+        object.__setattr__(self, "loads", _placed_loads(self.loads, self.rod.length, places))
         if self.gravity is not None:
             advice = "give a world vector in m/s^2, for instance (0, 0, -9.81), or None for no gravity"
             gravity = _checks.vector("gravity of the scene", self.gravity, advice=advice)
@@ -377,8 +390,17 @@ class Scene:
 
     @property
     def segment_ends(self) -> tuple[float, ...]:
-        """Arc lengths at which a node must sit, m: the positions of the magnets and the tip, increasing."""
-        return tuple(sorted({magnet.position for magnet in self.magnets} | {self.rod.length}))
+        """Arc lengths at which a node must sit, m: the positions of the magnets, the point loads and the tip,
+        increasing.
+        """
+        points = {load.position for load in self.loads if isinstance(load, PointLoad)}
+        return tuple(sorted({magnet.position for magnet in self.magnets} | points | {self.rod.length}))
+
+    @property
+    def acting_loads(self) -> tuple[Load, ...]:
+        """The listed loads, with the rod's width where a diameter is None."""
+        width = self.rod.width
+        return tuple(load.of_width(width) if isinstance(load, FluidDrag) else load for load in self.loads)
 
     @property
     def mass(self) -> float:
@@ -416,12 +438,38 @@ def _placed(magnets: tuple[Magnet, ...], length: float) -> tuple[Magnet, ...]:
 
 
 def _on_rod(magnet: Magnet, length: float) -> Magnet:
-    if abs(magnet.position - length) <= _SAME_PLACE * length:
-        return dataclasses.replace(magnet, position=length)
-    if magnet.position > length:
+    return dataclasses.replace(magnet, position=_place("magnet", magnet.position, length, []))
+
+
+def _place(what: str, position: float, length: float, others: list[float]) -> float:
+    """A position on the rod, exactly that of the tip or of another that is within rounding of it."""
+    for place in (length, *others):
+        if abs(position - place) <= _SAME_PLACE * length:
+            return place
+    if position > length:
         raise ValueError(
-            f"position of a magnet must be at most the rod's length {length!r} m, "
-            f"but got {magnet.position!r} m: "
+            f"position of a {what} must be at most the rod's length {length!r} m, "
+            f"but got {position!r} m: "
             "measure it along the rod from the clamp."
         )
-    return magnet
+    return position
+
+
+def _placed_loads(loads: tuple[Load, ...], length: float, places: list[float]) -> tuple[Load, ...]:
+    """Return the loads as a tuple, point loads within rounding of the tip, a magnet or one another exactly there."""
+    if not isinstance(loads, (tuple, list)) or not all(isinstance(load, KINDS) for load in loads):
+        names = ", ".join(kind.__name__ for kind in KINDS)
+        raise ValueError(f"loads of the scene must be a tuple or list of {names}, but got {loads!r}: build them so.")
+    for kind in SINGLE:
+        count = sum(isinstance(load, kind) for load in loads)
+        if count > 1:
+            raise ValueError(
+                f"loads of the scene must have at most one {kind.__name__}, but got {count}: merge them into one."
+            )
+    placed: list[Load] = []
+    for load in loads:
+        if isinstance(load, PointLoad):
+            position = _place("PointLoad", load.position, length, places)
+            load, places = dataclasses.replace(load, position=position), [*places, position]
+        placed.append(load)
+    return tuple(placed)

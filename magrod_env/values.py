@@ -38,6 +38,7 @@ def scene_terms(scene: Scene, rotary_scaling: float) -> dict[str, Any]:
         "drag_rate": scene.drag_rate,
         "spin_drag_rate": scaled_spin_drag(scene, rotary_scaling),
         "internal_damping": scene.damping_time,
+        "loads": scene.acting_loads,
     }
 
 
@@ -47,12 +48,14 @@ def scaled_spin_drag(scene: Scene, rotary_scaling: float) -> float | None:
 
 
 def relative_load(scene: Scene, field_magnitude: float) -> float:
-    """Moments of the loads at the clamp of the straight rod over EI/L, none: magnets in a field across (T), weights."""
+    """Moments of the loads at the clamp of the straight rod over EI/L, none: magnets in a field across (T),
+    weights, listed loads."""
     rod = scene.rod
     weight = 0.5 * rod.mass * rod.length + sum(magnet.mass * magnet.position for magnet in scene.magnets)
     turning = sum(magnet.moment for magnet in scene.magnets) * field_magnitude
     pulling = 0.0 if scene.gravity is None else weight * float(np.linalg.norm(scene.gravity))
-    return (turning + pulling) * rod.length / rod.bending_stiffness
+    loading = sum(load.clamp_moment(rod.length) for load in scene.acting_loads)
+    return (turning + pulling + loading) * rod.length / rod.bending_stiffness
 
 
 def locking_factor(values: RodValues, num_elements: int) -> float:
@@ -81,6 +84,8 @@ def check_plane(scene: Scene, plane: str | None) -> None:
                 f"{what} must lie in the plane {plane!r} of a planar simulation, but got {vector!r}: "
                 "turn it into the plane, or leave plane=None."
             )
+    for load in scene.acting_loads:
+        load.rows(plane)
 
 
 def shaped(values: RodValues, element: str, num_elements: int) -> RodValues:

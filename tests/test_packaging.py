@@ -16,11 +16,12 @@ PACKAGE = ROOT / "magrod_env"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 # Each part of the package, and the parts it may import.
-KERNELS = {"_jit", "_simd"}
+KERNELS = {"_jit", "_simd", "_checks"}
 PHYSICS = {*KERNELS, "rod", "magnetics"}
 SCENES = {*PHYSICS, "scene", "scenes"}
 MAY_IMPORT = {
     "_cache": set(),
+    "_checks": set(),
     "_jit": {"_cache"},
     "_simd": {"_jit"},
     "rod": KERNELS,
@@ -28,7 +29,7 @@ MAY_IMPORT = {
     "scene": PHYSICS,
     "scenes": {*PHYSICS, "scene"},
     "values": {*PHYSICS, "scene"},
-    "integrator": {"scene"},
+    "integrator": {"rod", "scene"},
     "resolution": {"magnetics"},
     "shapes": PHYSICS,
     "snapshots": set(),

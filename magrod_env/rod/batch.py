@@ -5,7 +5,16 @@ import itertools
 import numpy as np
 
 from magrod_env._jit import PRESENT, Bound
-from magrod_env.rod.energy import ELASTIC, GRAVITATIONAL, KINETIC, MAGNETIC, measure_blocks, watch_blocks
+from magrod_env.rod.energy import (
+    ELASTIC,
+    GRAVITATIONAL,
+    KINETIC,
+    LOADED,
+    MAGNETIC,
+    MEASURES,
+    measure_blocks,
+    watch_blocks,
+)
 from magrod_env.rod.implicit import run_implicit
 from magrod_env.rod.layout import (
     DAMPING,
@@ -23,6 +32,7 @@ from magrod_env.rod.layout import (
     make_layout,
     rows_of,
 )
+from magrod_env.rod.loads.hub import SHARE, first_rows, load_terms, place_loads
 from magrod_env.rod.mesh import RodValues, split_elements, write_rod
 from magrod_env.rod.stepping import run_blocks
 from magrod_env.rod.threads import Pool, checked_num_threads
@@ -49,7 +59,8 @@ class RodBatch:
     """State and constants of ``num_rods`` rods with the same terms, magnets' nodes and numbers of elements.
 
     Args: ``values`` of the nominal rod; ``magnet_segments`` (num_magnets,) the segment at whose end each magnet sits;
-    ``plane`` None, "xy" or "xz"; the scene's terms are present where they are not None or False.
+    ``plane`` None, "xy" or "xz"; the scene's terms are present where they are not None or False; ``loads`` those that
+    the scene lists.
     """
 
     def __init__(
@@ -66,6 +77,7 @@ class RodBatch:
         drag_rate: float | None,
         spin_drag_rate: float | None,
         internal_damping: float | None,
+        loads=(),
         slew: bool = False,
         lag: bool = False,
         turned: bool = False,
@@ -91,12 +103,14 @@ class RodBatch:
             slew=present(slew),
             lag=present(lag),
             turned=present(turned),
+            loads=load_terms(loads),
         )
-        self.layout = make_layout(num_elements, tuple(int(ends[s]) for s in magnet_segments), self.terms)
+        self.loads, self._ends = loads, values.ends
+        self.layout = self._placed(make_layout(num_elements, tuple(int(ends[s]) for s in magnet_segments), self.terms))
         self.node_rows = SPATIAL if plane is None else PLANAR
         self.blocks = make_blocks(num_rods, self.layout, self.terms, self.dtype)
         self.rows = rows_of(self.blocks, len(self.terms.lanes))
-        self.measures = np.zeros((len(self.blocks), 5 * len(self.terms.lanes)), self.dtype)
+        self.measures = np.zeros((len(self.blocks), MEASURES * len(self.terms.lanes)), self.dtype)
         self.travel = np.zeros(num_rods)
         self.status = np.zeros(num_rods, np.int64)
         for rod in range(self.rows.shape[0] * self.rows.shape[2]):
@@ -115,7 +129,28 @@ class RodBatch:
         self.rows[:, DAMPING] = internal_damping or 0.0
         if gravity is not None:
             self.rows[:, GRAVITY : GRAVITY + len(self.axes)] = np.asarray(gravity, float)[list(self.axes), None]
+        if loads:
+            self.rows[:, self.layout.loads.own + SHARE] = 1.0
+            for load, first in zip(loads, first_rows(self.layout, loads), strict=True):
+                self.scatter(first, load.rows(plane, num_rods))
         self._pool, self._bound = Pool(self.num_threads), {}
+
+    def _placed(self, layout):
+        """A layout with the rows of the listed loads."""
+        return place_loads(layout, self.terms, self.loads, self._ends, self.counts)
+
+    def write_load(self, number: int, rods=slice(None), **values) -> None:
+        """Write the rows of one of the listed loads for some rods, and let the watchdog take their energy anew.
+
+        ``values`` replace those of the scene by the names of the load's fields: one for all of these rods, or one more
+        axis with one for each. Raises ValueError where they are no values of it or leave the plane.
+        """
+        load, first = self.loads[number], first_rows(self.layout, self.loads)[number]
+        rows, least = self.gather(first, load.ROWS), self.gather(ENERGY, 1)
+        rows[rods] = load.rows(self.plane, len(rows[rods]), **values)
+        least[rods] = np.inf
+        self.scatter(first, rows)
+        self.scatter(ENERGY, least)
 
     @property
     def width(self) -> int:
@@ -138,10 +173,13 @@ class RodBatch:
         """From now on, every node has a damping of its own, zero until ``set_node_damping``."""
         before, state = self.layout, self.rows
         self.terms = self.terms._replace(node_damping=PRESENT)
-        self.layout = make_layout(before.num_elements, before.magnet_nodes, self.terms)
+        bare = make_layout(before.num_elements, before.magnet_nodes, self.terms)
+        self.layout = self._placed(bare)
         self.blocks = make_blocks(self.num_rods, self.layout, self.terms, self.dtype)
         self.rows = rows_of(self.blocks, self.width)
         self.rows[:, : self.layout.node_damping] = state[:, : before.node_damping]
+        listed = self.layout.size - bare.size
+        self.rows[:, bare.size :] = state[:, before.size - listed :]
 
     def set_node_damping(self, damping) -> None:
         """Set the damping K of every node (num_rods, num_nodes, 3), kg/s, world axes: a force -K_k v_k along each."""
@@ -265,11 +303,14 @@ class RodBatch:
         self.scatter(GRADIENT, flat)
 
     def energies(self) -> dict[str, np.ndarray]:
-        """Kinetic, elastic, gravitational and magnetic energy of every rod, J, shape (num_rods,) each."""
+        """Kinetic, elastic, gravitational and magnetic energy of every rod and, where the scene lists loads, the
+        potential energy of the dead forces among them; J, shape (num_rods,) each.
+        """
         self.share(measure_blocks, self.layout, self.terms, self.measures)
         seen = self.measures.reshape(len(self.blocks), -1, self.width).transpose(1, 0, 2)
         seen = seen.reshape(seen.shape[0], -1)[:, : self.num_rods].astype(np.float64)
         names = {"kinetic": KINETIC, "elastic": ELASTIC, "gravitational": GRAVITATIONAL, "magnetic": MAGNETIC}
+        names |= {"loads": LOADED} if self.loads else {}
         return {name: seen[row] for name, row in names.items()}
 
     def __getstate__(self):

@@ -19,6 +19,7 @@ import numpy as np
 
 from magrod_env._jit import inline_jit, jit
 from magrod_env._simd import constant, load, store
+from magrod_env.rod.access import load2, load3, load_motion, load_pose, node_row, store3, store_motion
 from magrod_env.rod.elimination import (
     PLANAR_FREEDOMS,
     SPATIAL_FREEDOMS,
@@ -46,7 +47,6 @@ from magrod_env.rod.layout import (
     TILT,
     TORSION,
 )
-from magrod_env.rod.loads import load2, load3, load_motion, load_pose, node_row, store3, store_motion
 from magrod_env.rod.planar import planar_matrix
 from magrod_env.rod.so3 import (
     add,

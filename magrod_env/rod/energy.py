@@ -4,13 +4,14 @@ import numpy as np
 
 from magrod_env._jit import inline_jit, jit
 from magrod_env._simd import constant, load, maximum, square_root, store
+from magrod_env.rod.access import load2, load_motion, load_pose, node_row
+from magrod_env.rod.elements import section_stiffness
 from magrod_env.rod.helical import helical_energy, helical_strain
 from magrod_env.rod.layout import (
     AXIAL,
     BENDING,
     ELEMENT_ROWS,
     ENERGY,
-    GRAVITY,
     INVERSE_LENGTH,
     LEAST_COSINE,
     LENGTH,
@@ -19,18 +20,15 @@ from magrod_env.rod.layout import (
     SPATIAL,
     TORSION,
 )
-from magrod_env.rod.loads import load2, load3, load_motion, load_pose, local_field, node_row, section_stiffness
+from magrod_env.rod.loads.gravity import gravity_energy
+from magrod_env.rod.loads.hub import store_potential, take_work
+from magrod_env.rod.loads.magnets import magnet_energy
 from magrod_env.rod.nodal import nodal_strain
-from magrod_env.rod.planar import (
-    planar_helical_energy,
-    planar_helical_strain,
-    planar_matrix,
-    planar_nodal_strain,
-    planar_rotate,
-)
-from magrod_env.rod.so3 import dot, matrix, rotate
+from magrod_env.rod.planar import planar_helical_energy, planar_helical_strain, planar_nodal_strain
+from magrod_env.rod.so3 import dot
 
-KINETIC, ELASTIC, GRAVITATIONAL, MAGNETIC, STRAIN = range(5)  # rows of what ``measure_blocks`` returns
+KINETIC, ELASTIC, GRAVITATIONAL, MAGNETIC, STRAIN, LOADED = range(6)  # rows of what ``measure_blocks`` returns
+MEASURES = 6
 OK, NOT_FINITE, BENT, STRETCHED, ENERGETIC = range(5)  # status of a rod
 LARGEST_STRAIN = 0.5
 SHEAR_SHARE = LARGEST_STRAIN / 0.8  # sudden loads shear coarse elements by more than half
@@ -92,29 +90,16 @@ def node_energy(block, layout, node, pose, lanes, planar):
         mass = 1.0 / load(block, row + SPATIAL.inverse_mass, lanes)
         axial, transverse = load2(block, row + SPATIAL.compliance, lanes)
         spin = axial * momentum[0] * momentum[0] + transverse * (momentum[1] * momentum[1] + momentum[2] * momentum[2])
-        potential = -mass * dot(load3(block, GRAVITY, lanes), pose[0])
-        return 0.5 * mass * dot(velocity, velocity) + spin, potential
+        return 0.5 * mass * dot(velocity, velocity) + spin, gravity_energy(block, mass, pose[0], lanes, planar)
     mass = 1.0 / load(block, row + PLANAR.inverse_mass, lanes)
     spin = load(block, row + PLANAR.compliance, lanes) * momentum * momentum
-    gravity = load2(block, GRAVITY, lanes)
-    potential = -mass * (gravity[0] * pose[0][0] + gravity[1] * pose[0][1])
-    return 0.5 * mass * (velocity[0] * velocity[0] + velocity[1] * velocity[1]) + spin, potential
-
-
-@inline_jit
-def magnet_energy(block, layout, magnet, pose, lanes, planar, gradient):
-    """``-m.B`` of one magnet, J."""
-    field = local_field(block, pose[0], lanes, planar, gradient)
-    if planar is None:
-        moment = rotate(matrix(pose[1], 2.0), load3(block, layout.magnets + 3 * magnet, lanes))
-        return -dot(moment, field)
-    flat = planar_rotate(planar_matrix(pose[1], 2.0), load2(block, layout.magnets + 3 * magnet, lanes))
-    return -(flat[0] * field[0] + flat[1] * field[1])
+    kinetic = 0.5 * mass * (velocity[0] * velocity[0] + velocity[1] * velocity[1]) + spin
+    return kinetic, gravity_energy(block, mass, pose[0], lanes, planar)
 
 
 @jit
 def measure_block(block, layout, terms, planar, nodal, gradient, out):
-    """Rows KINETIC .. STRAIN of one lane block into ``out`` (5 * L,)."""
+    """Rows KINETIC .. LOADED of one lane block into ``out`` (MEASURES * L,)."""
     lanes = terms.lanes
     zero = constant(0.0, load(block, 0, lanes))
     kinetic, elastic, gravitational, magnetic, worst = zero, zero, zero, zero, zero
@@ -135,11 +120,13 @@ def measure_block(block, layout, terms, planar, nodal, gradient, out):
     store(out, GRAVITATIONAL, gravitational, lanes)
     store(out, MAGNETIC, magnetic, lanes)
     store(out, STRAIN, worst, lanes)
+    store_potential(block, layout, terms, terms.loads, planar, out, LOADED)
 
 
 @jit
 def measure_blocks(blocks, first, last, layout, terms, out):
-    """Energies (J) and the largest squared strain of every rod of some blocks: ``out`` (num_blocks, 5 * L)."""
+    """Energies (J) and the largest squared strain of every rod of some blocks: ``out`` (num_blocks,
+    MEASURES * L)."""
     for b in range(first, last):
         measure_block(blocks[b], layout, terms, terms.planar, terms.nodal, terms.gradient, out[b])
 
@@ -149,10 +136,11 @@ def watch_blocks(blocks, first, last, layout, terms, measures, travel, status):
     """Look at every rod of some blocks: status codes into ``status`` (num_rods,), 0 where all is well.
 
     NOT_FINITE: a NaN or an infinity. BENT: one element has turned by pi or more. STRETCHED: an element's stretch or
-    squeeze passed one half, or its shear 0.8. ENERGETIC: the energy rose by more than the field can have put in, |m|
-    times the sum of the field's changes ``travel`` (num_rods,) T, plus a tenth of itself: the mark of a finite but
-    unstable run. It is counted from the least energy so far, so that many small rises add up. Once set, a status
-    stays. ``measures`` (num_blocks, 5 * L) is filled by ``measure_blocks``.
+    squeeze passed one half, or its shear 0.8. ENERGETIC: the energy rose by more than was put in, plus a tenth of
+    itself: the mark of a finite but unstable run. Fields put in at most |m| times the sum of their changes ``travel``
+    (num_rods,) T, loads without a potential the work that they did. It is counted from the least energy so far, so that
+    many small rises add up. Once set, a status stays. ``measures`` (num_blocks, MEASURES * L) is filled by
+    ``measure_blocks``.
     """
     lanes = len(terms.lanes)
     measure_blocks(blocks, first, last, layout, terms, measures)
@@ -164,13 +152,15 @@ def watch_blocks(blocks, first, last, layout, terms, measures, travel, status):
                 break
             kinetic, elastic = seen[KINETIC, lane], seen[ELASTIC, lane]
             energy = kinetic + elastic + seen[GRAVITATIONAL, lane] + seen[MAGNETIC, lane]
+            energy += seen[LOADED, lane]
+            work = take_work(rows, layout, layout.loads, lane)
             if status[rod] == OK:
                 moment = 0.0
                 for magnet in range(len(layout.magnet_nodes)):
                     row = layout.magnets + 3 * magnet
                     moment += np.sqrt(rows[row, lane] ** 2 + rows[row + 1, lane] ** 2 + rows[row + 2, lane] ** 2)
                 floor = 0.01 * rows[layout.elements + BENDING, lane]
-                least = rows[ENERGY, lane] + moment * travel[rod]
+                least = rows[ENERGY, lane] + moment * travel[rod] + work
                 allowance = 0.1 * (kinetic + elastic) + floor
                 cosine = rows[LEAST_COSINE, lane]
                 status[rod] = rod_status(kinetic + elastic, energy, seen[STRAIN, lane], cosine, least, allowance)

@@ -21,6 +21,7 @@ from magrod_env.rod.layout import (
     make_layout,
     rows_of,
 )
+from magrod_env.rod.loads.hub import SHARE, first_rows, load_terms, place_loads
 from magrod_env.rod.mesh import RodValues, write_rod
 from magrod_env.rod.statics import LARGEST_TURN, flow_step, follow_blocks, lay_straight_blocks, make_room
 from magrod_env.rod.tangent import LANES
@@ -92,7 +93,7 @@ class StaticModel:
     ``column`` (rows,) holds the nominal rod's constants; rods that differ from it come as columns of their own.
     """
 
-    def __init__(self, values: RodValues, counts, magnet_segments, nodal: bool, gravity):
+    def __init__(self, values: RodValues, counts, magnet_segments, nodal: bool, gravity, loads=()):
         def present(flag):
             return PRESENT if flag else None
 
@@ -102,17 +103,29 @@ class StaticModel:
             nodal=present(nodal),
             gravity=present(gravity is not None),
             magnets=present(len(magnet_segments) > 0),
+            loads=load_terms(loads),
         )
         ends = np.cumsum(counts)
-        self.layout = make_layout(int(ends[-1]), tuple(int(ends[s]) for s in magnet_segments), self.terms)
+        layout = make_layout(int(ends[-1]), tuple(int(ends[s]) for s in magnet_segments), self.terms)
+        self.layout, self.loads = place_loads(layout, self.terms, loads, values.ends, counts), loads
         self.gravity = np.zeros(3) if gravity is None else np.array(gravity, float)
         rows = np.zeros((self.layout.size, 1))
         write_rod(rows, 0, self.layout, counts, values, None, self.terms.nodal)
         rows[GRAVITY : GRAVITY + 3, 0] = self.gravity
         self.column = rows[:, 0]
+        self._write_loads(self.column)
         length = values.ends[-1]
         self._flow = values.bending / length * np.tile([length**-2] * 3 + [1.0] * 3, self.layout.num_elements)
         self._bound: dict[bool, Bound] = {}
+
+    def _write_loads(self, column, factor: float = 1.0) -> None:
+        """Write the listed loads, times a factor, into one rod's rows."""
+        if not self.loads:
+            return
+        column[self.layout.loads.own + SHARE] = 1.0
+        for load, first in zip(self.loads, first_rows(self.layout, self.loads), strict=True):
+            column[first : first + load.ROWS] = load.rows(None)[0]
+            column[first : first + load.FORCES] *= factor
 
     def straight(self):
         """Positions (num_nodes, 3) and quaternions (num_nodes, 4) of the straight rod."""
@@ -141,7 +154,24 @@ class StaticModel:
             again = self._follow(columns[lost], loads[lost], None, None, share)
             for old, new in zip(found, again, strict=True):
                 old[lost] = new
+        if self.circulatory:
+            self._find_diverging(columns, loads, found)
         return found
+
+    @property
+    def circulatory(self) -> bool:
+        """Whether a load has no potential, so that the tangent is not symmetric."""
+        return bool(self.loads) and self.terms.loads.circulatory is not None
+
+    def _find_diverging(self, columns, loads, found: Shapes) -> None:
+        """Take back the last step to equilibria that have a negative eigenvalue, which the sign of the determinant does
+        not show where two of them passed zero at once.
+        """
+        for k in np.flatnonzero(found.shares >= 2.0):
+            case, length = shapes_at(found, k, loads[k]), columns[k, self.layout.elements + LENGTH]
+            scale = np.tile([length] * 3 + [1.0] * 3, self.layout.num_elements)
+            if stability.diverges(scale[:, None] * self.linearise(case, columns[k])[0] * scale):
+                found.shares[k] = np.nextafter(2.0, 0.0)
 
     def _follow(self, columns, loads, start: Shapes | None, begin, share) -> Shapes:
         blocks, rows = self.blocks(columns)
@@ -250,7 +280,7 @@ class StaticModel:
         blocks, rows = self.blocks(_one(self.column if column is None else column))
         self.put(rows, positions[None], quaternions[None])
         rows[:, FIELD : FIELD + 3], rows[:, GRADIENT : GRADIENT + 9] = loads[:3, None], loads[3:, None]
-        room, flow, rate = make_room(self.layout, LANES), np.repeat(self._flow, len(LANES)), 1.0
+        room, flow, rate = make_room(self.layout, terms), np.repeat(self._flow, len(LANES)), 1.0
         for _ in range(MOST_FLOWS):
             largest = flow_step(blocks[0], self.layout, terms, terms.nodal, terms.gradient, rate * flow, room)
             if not largest <= LARGEST_TURN:
@@ -272,7 +302,7 @@ class StaticModel:
         """Dense stiffness (6 N, 6 N) and lumped inertia (6 N,) at an equilibrium; None: straight and without load."""
         column = self.column if column is None else column
         if case is None:
-            terms = self.terms._replace(magnets=None)
+            terms = self.terms._replace(magnets=None, loads=())
             return stability.linearise(column, self.layout, terms, *self.straight())
         terms = self.terms._replace(gradient=PRESENT if case.gradient.any() else None)
         loaded = column.copy()
@@ -290,20 +320,29 @@ class StaticModel:
     def working_time_step(self, field_magnitude: float, plane: str | None) -> float:
         """Bound on the step, s, that also covers a swing under gravity and sudden fields up to ``field_magnitude`` T.
 
-        The least of straight, sagging under 2 g and hanging under 3 g, as at the bottom of a swing, all with
-        ``shock_stiffness`` added (docs/physics.md).
+        The least of straight, pulled by three times the listed loads, sagging under 2 g and twice these loads, and
+        hanging under 3 g, as at the bottom of a swing, all with ``shock_stiffness`` added (docs/physics.md).
         """
         shock = stability.shock_stiffness(self.column, self.layout, field_magnitude)
-        bound = stability.stable_time_step(self.column, self.layout, self.terms, field_magnitude, plane, shock)
-        if self.terms.gravity is None:
-            return bound
-        hanging = np.array([3.0 * np.linalg.norm(self.gravity), 0.0, 0.0])
-        for gravity in (2.0 * self.gravity, hanging):
-            column = self.column.copy()
-            column[GRAVITY : GRAVITY + 3] = gravity
+        pulled = self._swung(self.gravity, 3.0)
+        bound = stability.stable_time_step(pulled, self.layout, self.terms, field_magnitude, plane, shock)
+        cases = []
+        if self.terms.gravity is not None or self.loads:
+            cases.append((2.0 * self.gravity, 2.0))
+        if self.terms.gravity is not None:
+            cases.append((np.array([3.0 * np.linalg.norm(self.gravity), 0.0, 0.0]), 1.0))
+        for gravity, factor in cases:
+            column = self._swung(gravity, factor)
             stiffness, inertia = self.linearise(self.equilibrium(np.zeros(3), column=column), column)
             bound = min(bound, stability.time_step_bound(stiffness + np.diag(shock), inertia, plane))
         return bound
+
+    def _swung(self, gravity, factor: float):
+        """The rows of the same rod under another gravity (3,) m/s^2 and a multiple of the listed loads."""
+        column = self.column.copy()
+        column[GRAVITY : GRAVITY + 3] = gravity
+        self._write_loads(column, factor)
+        return column
 
 
 def _loads(field, gradient) -> np.ndarray:

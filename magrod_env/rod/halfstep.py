@@ -6,11 +6,7 @@ part of the linear system (``elimination.py``) and what is named here; derived i
 
 from magrod_env._jit import inline_jit, jit
 from magrod_env._simd import constant, load, maximum, minimum, square_root, store
-from magrod_env.rod.elimination import COUPLING, RIGHT, SYSTEM, add3, triangle
-from magrod_env.rod.helical import helical_strain
-from magrod_env.rod.layout import AXIAL, DRAG, ELEMENT_ROWS, GRAVITY, INVERSE_LENGTH, LEAST_COSINE, SPATIAL, SPIN_DRAG
-from magrod_env.rod.loads import (
-    bend_cosine,
+from magrod_env.rod.access import (
     load2,
     load3,
     load_motion,
@@ -20,6 +16,11 @@ from magrod_env.rod.loads import (
     store_motion,
     store_pose,
 )
+from magrod_env.rod.elements import bend_cosine
+from magrod_env.rod.elimination import COUPLING, RIGHT, SYSTEM, add3, triangle
+from magrod_env.rod.helical import helical_strain
+from magrod_env.rod.layout import AXIAL, DRAG, ELEMENT_ROWS, GRAVITY, INVERSE_LENGTH, LEAST_COSINE, SPATIAL, SPIN_DRAG
+from magrod_env.rod.loads.hub import count_half_step_work, half_step_loads
 from magrod_env.rod.so3 import add, add_scaled, compose_cayley, cross, dot, normalise, scale, subtract
 
 # rows of a node in the scratch, after its part of the linear system
@@ -104,8 +105,6 @@ def begin_node(block, scratch, layout, node, terms, h):
         force = add_scaled(force, mass, load3(block, GRAVITY, lanes))
     if terms.drag is not None:
         heavy = heavy * (1.0 + 0.5 * h * load(block, DRAG, lanes))
-    store3(scratch, own + RIGHT, add_scaled(force, -heavy, d), lanes)
-    store3(scratch, own + RIGHT + 3, torque, lanes)
     for k in range(COUPLING):
         store(scratch, own + k, zero, lanes)
     for k in range(3):
@@ -113,6 +112,12 @@ def begin_node(block, scratch, layout, node, terms, h):
     store(scratch, own + triangle(3, 3), inert / compliance[0], lanes)
     store(scratch, own + triangle(4, 4), inert / compliance[1], lanes)
     store(scratch, own + triangle(5, 5), inert / compliance[1], lanes)
+    mean = scale(2.0 / h, d)
+    force, torque = half_step_loads(
+        block, scratch, layout, terms, terms.loads, node, own, middle, mean, 2.0 / h, force, torque
+    )
+    store3(scratch, own + RIGHT, add_scaled(force, -heavy, d), lanes)
+    store3(scratch, own + RIGHT + 3, torque, lanes)
 
 
 @inline_jit
@@ -145,6 +150,9 @@ def finish(block, scratch, layout, terms, h, ahead):
         push = untwist(f, subtract(middle, turn_back(f, momentum)))
         new_momentum = turn_back(f, add(middle, add(push, cross(f, push))))
         new_velocity = add_scaled(scale(4.0 / h, d), -1.0, velocity)
+        middle_pose = load_pose(scratch, own + MIDDLE, lanes, None)
+        mean, spin = scale(2.0 / h, d), scale(4.0 / h, f)
+        count_half_step_work(block, layout, terms, terms.loads, node, middle_pose, mean, spin, h)
         for k in range(0, 6, 3):
             pace = scale(1.0 / h, load3(scratch, own + SHIFT + k, lanes))
             if ahead != 0.0:

@@ -10,7 +10,9 @@ import numpy as np
 
 from magrod_env._jit import inline_jit, jit
 from magrod_env._simd import constant, load, maximum, square_root, store
+from magrod_env.rod.access import load3, load_pose, node_row, store3
 from magrod_env.rod.damping import damp_if_present, damping_scratch
+from magrod_env.rod.elements import section_stiffness
 from magrod_env.rod.elimination import (
     COUPLING,
     RIGHT,
@@ -32,7 +34,7 @@ from magrod_env.rod.layout import (
     INVERSE_LENGTH,
     LENGTH,
 )
-from magrod_env.rod.loads import load3, load_pose, local_field, magnet_loads, node_row, section_stiffness, store3
+from magrod_env.rod.loads.magnets import local_field, magnet_loads
 from magrod_env.rod.so3 import add, add_scaled, dot, matrix, rotate_back, scale
 
 UNSOLVED = 5  # status of a rod, beside those of the watchdog

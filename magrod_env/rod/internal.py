@@ -2,15 +2,18 @@
 
 from magrod_env._jit import inline_jit, jit
 from magrod_env._simd import load, store
+from magrod_env.rod.access import load3, load_pose, node_row, store3
 from magrod_env.rod.damping import damping_loads, world_motion
+from magrod_env.rod.elements import element_loads
 from magrod_env.rod.helical import helical_strain
 from magrod_env.rod.layout import DAMPING, ELEMENT_ROWS, INVERSE_LENGTH
-from magrod_env.rod.loads import element_loads, load3, load_pose, node_row, store3
+from magrod_env.rod.loads.hub import static_loads
 from magrod_env.rod.so3 import add, cross, matrix, rotate_back, scale, subtract
 from magrod_env.rod.statics import make_room
 from magrod_env.rod.tangent import assemble, factorise, solve_factored
 
 PARTS = 15  # rows of an element: force on a (world), torques on a and b (body), gamma, phi
+CLAMPED = 6  # rows after them: force (world) and torque (body) of the listed loads on the clamped node
 
 
 @inline_jit
@@ -26,13 +29,23 @@ def viscous_loads(block, layout, element, pose_a, pose_b, lanes):
     return force, torque_a, torque_b
 
 
+@inline_jit
+def store_clamped(block, layout, terms, loads, pose, out):
+    """Write what the listed loads do to the clamped node."""
+    if len(loads) > 0:
+        force, torque = static_loads(block, layout, terms, 0, pose)
+        store3(out, PARTS * layout.num_elements, force, terms.lanes)
+        store3(out, PARTS * layout.num_elements + 3, torque, terms.lanes)
+
+
 @jit
 def inner_loads(blocks, layout, terms, nodal, damped, out):
-    """Loads and strains of every element of every rod: ``out`` (num_blocks, PARTS * N * L)."""
+    """Loads and strains of every element of every rod: ``out`` (num_blocks, (PARTS * N + CLAMPED) * L)."""
     lanes = terms.lanes
     for b in range(len(blocks)):
         block = blocks[b]
         pose_a = load_pose(block, layout.nodes, lanes, None)
+        store_clamped(block, layout, terms, terms.loads, pose_a, out[b])
         for element in range(layout.num_elements):
             pose_b = load_pose(block, node_row(layout, None, element + 1), lanes, None)
             inverse_length = load(block, layout.elements + ELEMENT_ROWS * element + INVERSE_LENGTH, lanes)
@@ -57,12 +70,12 @@ def field_sensitivity(blocks, first, last, layout, terms, shares, nodes, out):
 
     The poses and loads in ``blocks`` are those of equilibria; ``shares`` (2 * L,) ones.
     """
-    room, lanes, size = make_room(layout, terms.lanes), terms.lanes, 6 * layout.num_elements
+    room, lanes, size = make_room(layout, terms), terms.lanes, 6 * layout.num_elements
     system, loads, least, _ = room
     for b in range(first, last):
         block = blocks[b]
         assemble(block, layout, terms, terms.nodal, terms.gradient, shares, system, loads, 2)
-        factorise(system, size, least, lanes)
+        factorise(system, terms, size, least)
         for axis in range(3):
             for i in range(size * len(lanes)):
                 system[i] = 0.0
@@ -78,7 +91,7 @@ def field_sensitivity(blocks, first, last, layout, terms, shares, nodes, out):
                 row = 6 * (node - 1) + 3
                 torque = add(load3(system, row, lanes), cross(moment, rotate_back(frame, unit)))
                 store3(system, row, torque, lanes)
-            solve_factored(system, size, lanes)
+            solve_factored(system, terms, size)
             for k in range(len(nodes)):
                 for i in range(3):
                     store(out[b], 9 * k + 3 * i + axis, load(system, 6 * (nodes[k] - 1) + i, lanes), lanes)

@@ -65,6 +65,7 @@ class Terms(NamedTuple):
     lag: Present | None = None
     turned: Present | None = None  # coils with a slew limit, turned against the world or of another gain
     node_damping: Present | None = None  # a viscous force on every node, of its own for each world axis
+    loads: tuple = ()  # or LoadTerms, where the scene lists loads (loads/hub.py)
 
 
 class Layout(NamedTuple):
@@ -78,6 +79,7 @@ class Layout(NamedTuple):
     mixing: int  # 9, from the coils' reference to the field, row by row, where the coils are turned
     node_damping: int  # 3 (planar: 2) a node, kg/s, world axes, where the nodes have a damping of their own
     size: int
+    loads: tuple = ()  # or LoadRows, where the scene lists loads
 
 
 def make_layout(num_elements: int, magnet_nodes: tuple[int, ...], terms: Terms) -> Layout:

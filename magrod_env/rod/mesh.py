@@ -22,6 +22,7 @@ from magrod_env.rod.layout import (
     TILT,
     TORSION,
 )
+from magrod_env.rod.loads.hub import write_carried
 
 
 class RodValues(NamedTuple):
@@ -145,6 +146,7 @@ def write_constants(rows, lane, layout, counts, values, planar, nodal):
     """
     arc = arc_lengths(values.ends, counts)
     carried = lumped_lengths(arc, nodal is None)
+    write_carried(rows, lane, layout, layout.loads, carried)
     node_rows = SPATIAL if planar is None else PLANAR
     for node in range(len(arc)):
         row = layout.nodes + node_rows.size * node

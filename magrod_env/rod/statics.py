@@ -10,7 +10,8 @@ import numpy as np
 
 from magrod_env._jit import jit
 from magrod_env.rod.layout import ELEMENT_ROWS, FIELD, GRADIENT, LENGTH, SPATIAL
-from magrod_env.rod.tangent import BAND, assemble, factorise, solve_factored
+from magrod_env.rod.loads.hub import set_share as set_load_share
+from magrod_env.rod.tangent import assemble, band_row, band_width, factorise, solve_factored
 
 LARGEST_TURN = 0.3  # rad, of any node between accepted points
 SHORTEST_STEP = 2.0**-12  # of a load
@@ -71,8 +72,8 @@ def relax(block, layout, terms, nodal, gradient, share, room, found):
     turned[:] = 0.0
     for _ in range(MOST_ITERATIONS + 1):
         assemble(block, layout, terms, nodal, gradient, share, system, out, 2)
-        factorise(system, size, least, lanes)
-        solve_factored(system, size, lanes)
+        factorise(system, terms, size, least)
+        solve_factored(system, terms, size)
         moving = 0
         for lane in range(len(lanes)):
             if found[lane] != MOVING:
@@ -97,10 +98,10 @@ def relax(block, layout, terms, nodal, gradient, share, room, found):
 
 
 @jit
-def make_room(layout, lanes):
+def make_room(layout, terms):
     """Scratch memory of ``relax``: residual and band, loads, least pivots, turns."""
-    width, size = len(lanes), 6 * layout.num_elements
-    return np.zeros((size + BAND * size) * width), np.zeros(18 * width), np.zeros(width), np.zeros(width)
+    width, size = len(terms.lanes), 6 * layout.num_elements
+    return np.zeros((size + band_width(terms) * size) * width), np.zeros(18 * width), np.zeros(width), np.zeros(width)
 
 
 @jit
@@ -116,10 +117,10 @@ def flow_step(block, layout, terms, nodal, gradient, brake, room):
     rows, change = block.reshape(-1, width), system[: size * width].reshape(size, width)
     assemble(block, layout, terms, nodal, gradient, np.ones(2 * width), system, out, 2)
     for i in range(size):
-        row = (size + BAND * i + BAND - 1) * width
+        row = band_row(band_width(terms), size, i, i) * width
         system[row : row + width] += brake[i * width : (i + 1) * width]
-    factorise(system, size, least, lanes)
-    solve_factored(system, size, lanes)
+    factorise(system, terms, size, least)
+    solve_factored(system, terms, size)
     kept, largest = rows[layout.nodes : layout.elements].copy(), np.inf
     if least[0] > 0.0:
         largest = 0.0
@@ -152,9 +153,10 @@ def lay_straight(rows, layout, lane):
 
 
 @jit
-def set_share(rows, share, lane, at, begin, end):
+def set_share(rows, layout, terms, share, lane, at, begin, end):
     """Loads of one rod at the share ``at`` of their way: the scene's over 0-1, then field and gradient over 1-2."""
     way = max(at - 1.0, 0.0)
+    set_load_share(rows, layout, terms.loads, lane, min(at, 1.0))
     share[lane], share[share.shape[0] // 2 + lane] = min(at, 1.0), 1.0
     for k in range(3):
         rows[FIELD + k, lane] = (1.0 - way) * begin[k] + way * end[k]
@@ -177,16 +179,16 @@ def follow(block, layout, terms, nodal, gradient, begin, end, shares, room):
     found = np.zeros(width, np.int64)
     for lane in range(width):
         step[lane] = 0.5 if shares[lane] < 1.0 else 1.0
-        if shares[lane] < 1.0 and terms.gravity is None:
+        if shares[lane] < 1.0 and terms.gravity is None and len(terms.loads) == 0:
             shares[lane], step[lane] = 1.0, 0.5
-        set_share(rows, share, lane, shares[lane], begin[lane], end[lane])
+        set_share(rows, layout, terms, share, lane, shares[lane], begin[lane], end[lane])
     while True:
         moving = 0
         for lane in range(width):
             found[lane] = SETTLED
             if shares[lane] < 2.0 and step[lane] >= SHORTEST_STEP:
                 goal[lane] = min(shares[lane] + step[lane], 1.0 if shares[lane] < 1.0 else 2.0)
-                set_share(rows, share, lane, goal[lane], begin[lane], end[lane])
+                set_share(rows, layout, terms, share, lane, goal[lane], begin[lane], end[lane])
                 found[lane] = MOVING
                 moving += 1
             else:
@@ -215,7 +217,7 @@ def follow_blocks(blocks, first, last, layout, terms, begin, end, shares):
 
     ``begin`` and ``end`` (num_blocks * L, 12), ``shares`` (num_blocks * L,).
     """
-    room, width = make_room(layout, terms.lanes), len(terms.lanes)
+    room, width = make_room(layout, terms), len(terms.lanes)
     for b in range(first, last):
         lanes = slice(b * width, (b + 1) * width)
         follow(blocks[b], layout, terms, terms.nodal, terms.gradient, begin[lanes], end[lanes], shares[lanes], room)

@@ -8,25 +8,27 @@ decided when the kernel is compiled.
 """
 
 from magrod_env._jit import inline_jit, jit
-from magrod_env._simd import constant, load, maximum, minimum, store, where_above
+from magrod_env._simd import load, maximum, minimum, store, where_above
+from magrod_env.rod.access import load2, load3, load_motion, load_pose, node_row, store3, store_motion, store_pose
 from magrod_env.rod.damping import damp_if_due, damping_scratch, share_due
-from magrod_env.rod.layout import DRAG, FIELD, GRAVITY, LEAST_COSINE, PLANAR, REFERENCE, SPATIAL, SPIN_DRAG, TARGET
-from magrod_env.rod.loads import (
-    bend_cosine,
-    element_loads,
-    load2,
-    load3,
-    load_motion,
-    load_pose,
-    magnet_loads,
-    node_row,
-    store3,
-    store_motion,
-    store_pose,
-)
+from magrod_env.rod.elements import bend_cosine, element_loads
+from magrod_env.rod.layout import DRAG, FIELD, LEAST_COSINE, PLANAR, REFERENCE, SPATIAL, SPIN_DRAG, TARGET
+from magrod_env.rod.loads.gravity import add_gravity
+from magrod_env.rod.loads.hub import add_loads, add_resistance, count_power, settle_work
+from magrod_env.rod.loads.linear_drag import braking
+from magrod_env.rod.loads.magnets import magnet_loads
+from magrod_env.rod.loads.node_damping import damped_velocity
 from magrod_env.rod.planar import planar_free_rotation
 from magrod_env.rod.rotation import free_rotation
-from magrod_env.rod.so3 import add, add_scaled, rotate, scale
+from magrod_env.rod.so3 import add_scaled, rotate, scale
+from magrod_env.rod.vectors import (
+    add_scaled_vector,
+    add_torques,
+    add_vectors,
+    no_load,
+    scaled_vector,
+    subtract_vectors,
+)
 
 
 @inline_jit
@@ -54,16 +56,6 @@ def drift(block, layout, terms, planar, time_step):
 
 
 @inline_jit
-def braked(velocity, acceleration, share, damping, keep, gain):
-    """One component of a velocity after a kick with a node's own damping (kg/s) beside the drag, semi-implicit.
-
-    ``share`` = gain/(2 m), so that q = share damping is what the half step of damping adds to 1 + c dt/2, over that.
-    """
-    q = share * damping
-    return ((keep - q) * velocity + gain * acceleration) / (1.0 + q)
-
-
-@inline_jit
 def kicked(motion, block, layout, node, force, torque, brakes, terms, planar):
     """Motion of a node after a kick; drag semi-implicit: v <- keep v + gain (f/m + g), and so for the spin."""
     row = node_row(layout, planar, node)
@@ -73,69 +65,26 @@ def kicked(motion, block, layout, node, force, torque, brakes, terms, planar):
         inverse_mass = load(block, row + SPATIAL.inverse_mass, terms.lanes)
         acceleration = scale(inverse_mass, force)
         if terms.gravity is not None:
-            acceleration = add(acceleration, load3(block, GRAVITY, terms.lanes))
+            acceleration = add_gravity(acceleration, block, terms.lanes, planar)
         if terms.spin_drag is not None:
             momentum = scale(keep_spin, momentum)
         momentum = add_scaled(momentum, gain_spin, torque)
-        if terms.node_damping is not None:
-            share, own = 0.5 * gain * inverse_mass, load3(block, layout.node_damping + 3 * node, terms.lanes)
-            return (
-                braked(velocity[0], acceleration[0], share, own[0], keep, gain),
-                braked(velocity[1], acceleration[1], share, own[1], keep, gain),
-                braked(velocity[2], acceleration[2], share, own[2], keep, gain),
-            ), momentum
-        if terms.drag is not None:
-            velocity = scale(keep, velocity)
-        return add_scaled(velocity, gain, acceleration), momentum
-    inverse_mass = load(block, row + PLANAR.inverse_mass, terms.lanes)
-    a, b = inverse_mass * force[0], inverse_mass * force[1]
-    if terms.gravity is not None:
-        a, b = a + load(block, GRAVITY, terms.lanes), b + load(block, GRAVITY + 1, terms.lanes)
-    if terms.spin_drag is not None:
-        momentum = keep_spin * momentum
-    momentum = momentum + gain_spin * torque
+    else:
+        inverse_mass = load(block, row + PLANAR.inverse_mass, terms.lanes)
+        acceleration = (inverse_mass * force[0], inverse_mass * force[1])
+        if terms.gravity is not None:
+            acceleration = add_gravity(acceleration, block, terms.lanes, planar)
+        if terms.spin_drag is not None:
+            momentum = keep_spin * momentum
+        momentum = momentum + gain_spin * torque
     if terms.node_damping is not None:
-        share, own = 0.5 * gain * inverse_mass, load2(block, layout.node_damping + 2 * node, terms.lanes)
-        return (
-            braked(velocity[0], a, share, own[0], keep, gain),
-            braked(velocity[1], b, share, own[1], keep, gain),
-        ), momentum
+        velocity = damped_velocity(
+            block, layout, node, velocity, acceleration, inverse_mass, keep, gain, terms.lanes, planar
+        )
+        return velocity, momentum
     if terms.drag is not None:
-        velocity = (keep * velocity[0], keep * velocity[1])
-    return (velocity[0] + gain * a, velocity[1] + gain * b), momentum
-
-
-@inline_jit
-def add_force(a, b, planar):
-    """Sum of two forces."""
-    if planar is None:
-        return add(a, b)
-    return a[0] + b[0], a[1] + b[1]
-
-
-@inline_jit
-def subtract_force(a, b, planar):
-    """Difference of two forces."""
-    if planar is None:
-        return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-    return a[0] - b[0], a[1] - b[1]
-
-
-@inline_jit
-def add_torque(a, b, planar):
-    """Sum of two torques."""
-    if planar is None:
-        return add(a, b)
-    return a + b
-
-
-@inline_jit
-def no_load(block, lanes, planar):
-    """A zero force and a zero torque."""
-    zero = constant(0.0, load(block, 0, lanes))
-    if planar is None:
-        return (zero, zero, zero), (zero, zero, zero)
-    return (zero, zero), zero
+        velocity = scaled_vector(keep, velocity, planar)
+    return add_scaled_vector(velocity, gain, acceleration, planar), momentum
 
 
 @inline_jit
@@ -145,12 +94,15 @@ def move_node(block, layout, node, pose, force, torque, drift_step, brakes, term
         for magnet in range(len(layout.magnet_nodes)):
             if layout.magnet_nodes[magnet] == node:
                 pull = magnet_loads(block, layout, magnet, pose, terms.lanes, planar, gradient)
-                torque = add_torque(torque, pull[0], planar)
+                torque = add_torques(torque, pull[0], planar)
                 if gradient is not None:
-                    force = add_force(force, pull[1], planar)
+                    force = add_vectors(force, pull[1], planar)
+    force, torque = add_loads(block, layout, terms, terms.loads, node, pose, force, torque, planar)
     row = node_row(layout, planar, node)
     before = load_motion(block, row, terms.lanes, planar)
     motion = kicked(before, block, layout, node, force, torque, brakes, terms, planar)
+    motion = add_resistance(block, layout, terms, terms.loads, node, pose, before, motion, brakes[1], planar)
+    count_power(block, layout, terms, terms.loads, node, pose, before, motion, planar)
     drift_node(block, row, pose, motion, drift_step, terms.lanes, planar)
 
 
@@ -170,10 +122,10 @@ def kick_and_drift(block, layout, terms, planar, nodal, gradient, drift_step, br
         cosine = where_above(cosine, bend, bend, cosine)
         pull, torque_a, torque_b = element_loads(block, layout, element, pose, next_pose, lanes, planar, nodal)
         if element > 0:
-            force, twist = subtract_force(pull, before, planar), add_torque(torque, torque_a, planar)
+            force, twist = subtract_vectors(pull, before, planar), add_torques(torque, torque_a, planar)
             move_node(block, layout, element, pose, force, twist, drift_step, brakes, terms, planar, gradient)
         before, torque, pose = pull, torque_b, next_pose
-    force = subtract_force(no_load(block, lanes, planar)[0], before, planar)
+    force = subtract_vectors(no_load(block, lanes, planar)[0], before, planar)
     move_node(block, layout, last, pose, force, torque, drift_step, brakes, terms, planar, gradient)
     store(block, LEAST_COSINE, cosine, lanes)
 
@@ -207,16 +159,6 @@ def approach_field(block, layout, terms, blend, largest_change):
     store3(block, FIELD, goal, lanes)
 
 
-@inline_jit
-def braking(block, row, drag, time_step, lanes):
-    """Factors of a semi-implicit linear drag over one step: what is kept of a motion, and what a unit load adds."""
-    one = constant(1.0, load(block, 0, lanes))
-    if drag is None:
-        return one, time_step * one
-    half_rate = 0.5 * time_step * load(block, row, lanes)
-    return (1.0 - half_rate) / (1.0 + half_rate), time_step / (1.0 + half_rate)
-
-
 @jit
 def run_block(
     block, layout, terms, planar, nodal, gradient, num_steps, time_step, blend, largest_change, fields, scratch
@@ -244,6 +186,7 @@ def run_block(
             damp_if_due(block, scratch, layout, terms, planar, step + 1, num_steps, time_step)
             if stop and step + 1 < num_steps:
                 drift(block, layout, terms, planar, half)
+    settle_work(block, layout, terms, terms.loads, time_step)
 
 
 @jit

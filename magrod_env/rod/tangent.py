@@ -9,9 +9,13 @@ differences are extrapolated to order four.
 
 from magrod_env._jit import inline_jit, jit
 from magrod_env._simd import constant, load, minimum, store
+from magrod_env.rod.access import load3, load_pose, node_row, store3
+from magrod_env.rod.elements import element_loads
 from magrod_env.rod.elimination import add1, add3
+from magrod_env.rod.general_band import WIDE, factorise_general, mirror, solve_general, wide_row
 from magrod_env.rod.layout import ELEMENT_ROWS, GRAVITY, LENGTH, SPATIAL
-from magrod_env.rod.loads import element_loads, load3, load_pose, magnet_loads, node_row, store3
+from magrod_env.rod.loads.hub import any_circulatory, static_loads
+from magrod_env.rod.loads.magnets import magnet_loads
 from magrod_env.rod.so3 import compose_cayley, normalise, scale
 
 LANES = (0,) * 8
@@ -21,9 +25,15 @@ LONG_STEP = 2e-5  # the same where differences over this step and twice as much 
 
 
 @inline_jit
-def band_row(system_rows, i, j):
-    """Row of entry (i, j), j <= i, of the band, which follows the residual of ``system_rows`` rows."""
-    return system_rows + BAND * i + BAND - 1 - (i - j)
+def band_width(terms):
+    """Rows of memory that a row of the tangent takes: the lower triangle's, or all where it is not symmetric."""
+    return WIDE if any_circulatory(terms, terms.loads) else BAND
+
+
+@inline_jit
+def band_row(width, size, i, j):
+    """Row of entry (i, j), j <= i, of the band, which follows the residual of ``size`` rows."""
+    return size + width * i + BAND - 1 - (i - j)
 
 
 @inline_jit
@@ -75,14 +85,14 @@ def moved_magnet_loads(block, layout, magnet, terms, gradient, direction, step, 
 
 
 @jit
-def add_entry(system, rows, i, j, value, lanes):
+def add_entry(system, width, size, i, j, value, lanes):
     """Add to the symmetric band matrix: half of each of the entries (i, j) and (j, i) reaches the lower triangle."""
     if i == j:
-        add1(system, band_row(rows, i, j), value, lanes)
+        add1(system, band_row(width, size, i, j), value, lanes)
     elif i > j:
-        add1(system, band_row(rows, i, j), 0.5 * value, lanes)
+        add1(system, band_row(width, size, i, j), 0.5 * value, lanes)
     else:
-        add1(system, band_row(rows, j, i), 0.5 * value, lanes)
+        add1(system, band_row(width, size, j, i), 0.5 * value, lanes)
 
 
 @jit
@@ -99,7 +109,7 @@ def add_element(block, layout, element, terms, nodal, system, out, order):
 
     Moving both ends together changes nothing, so that displacements of node a follow from those of node b.
     """
-    lanes, size = terms.lanes, 6 * layout.num_elements
+    lanes, size, width = terms.lanes, 6 * layout.num_elements, band_width(terms)
     a, b = 6 * (element - 1), 6 * element
     moved_element_loads(block, layout, element, terms, nodal, -1, 0.0, out)
     add3(system, b, scale(-1.0, load3(out, 0, lanes)), lanes)
@@ -122,24 +132,24 @@ def add_element(block, layout, element, terms, nodal, system, out, order):
             for k in range(9):
                 slope = factor * (load(out, 9 + k, lanes) - load(out, k, lanes))
                 if k < 6 and element > 0:
-                    add_entry(system, size, a + k, column, slope, lanes)
+                    add_entry(system, width, size, a + k, column, slope, lanes)
                     if shared:
-                        add_entry(system, size, a + k, a + direction - 6, -slope, lanes)
+                        add_entry(system, width, size, a + k, a + direction - 6, -slope, lanes)
                 if k < 3:
-                    add_entry(system, size, b + k, column, -slope, lanes)
+                    add_entry(system, width, size, b + k, column, -slope, lanes)
                 elif k >= 6:
-                    add_entry(system, size, b + k - 3, column, slope, lanes)
+                    add_entry(system, width, size, b + k - 3, column, slope, lanes)
                 if shared and element > 0:
                     if k < 3:
-                        add_entry(system, size, b + k, a + direction - 6, slope, lanes)
+                        add_entry(system, width, size, b + k, a + direction - 6, slope, lanes)
                     elif k >= 6:
-                        add_entry(system, size, b + k - 3, a + direction - 6, -slope, lanes)
+                        add_entry(system, width, size, b + k - 3, a + direction - 6, -slope, lanes)
 
 
 @jit
 def add_magnet(block, layout, magnet, terms, gradient, share, system, out):
     """Add a magnet's loads, times its lane's ``share`` (row 1 of it), and their stiffness."""
-    lanes, size = terms.lanes, 6 * layout.num_elements
+    lanes, size, width = terms.lanes, 6 * layout.num_elements, band_width(terms)
     first, part = 6 * (layout.magnet_nodes[magnet] - 1), load(share, 1, lanes)
     moved_magnet_loads(block, layout, magnet, terms, gradient, -1, 0.0, out)
     add3(system, first, scale(part, load3(out, 0, lanes)), lanes)
@@ -154,12 +164,56 @@ def add_magnet(block, layout, magnet, terms, gradient, share, system, out):
         factor = -0.5 / STEP * part / (length if direction < 3 else one)
         for k in range(6):
             slope = factor * (load(out, 9 + k, lanes) - load(out, k, lanes))
-            add_entry(system, size, first + k, first + direction, slope, lanes)
+            add_entry(system, width, size, first + k, first + direction, slope, lanes)
+
+
+@jit
+def moved_listed_loads(block, layout, node, terms, direction, step, out):
+    """Loads that the scene lists on a node that is turned: rows of ``out`` are force and torque."""
+    lanes = terms.lanes
+    length = load(block, layout.elements + LENGTH, lanes)
+    pose = moved(load_pose(block, node_row(layout, None, node), lanes, None), direction, step, length)
+    force, torque = static_loads(block, layout, terms, node, pose)
+    store3(out, 0, force, lanes)
+    store3(out, 3, torque, lanes)
+
+
+@inline_jit
+def add_listed_loads(block, layout, terms, loads, system, out):
+    """Add the loads that the scene lists and, where they have no potential, what these add to the tangent.
+
+    They depend on the rotation of their node alone. The symmetrised rest of the tangent lacks half of the cross product
+    with their torque, which balances that of the rest (docs/physics.md).
+    """
+    if len(loads) > 0:
+        lanes, size = terms.lanes, 6 * layout.num_elements
+        if terms.loads.circulatory is not None:
+            mirror(system, size, size, lanes)
+        for node in range(1, layout.num_elements + 1):
+            first = 6 * (node - 1)
+            moved_listed_loads(block, layout, node, terms, -1, 0.0, out)
+            add3(system, first, load3(out, 0, lanes), lanes)
+            add3(system, first + 3, load3(out, 3, lanes), lanes)
+            if terms.loads.circulatory is not None:
+                for axis in range(3):
+                    half = 0.5 * load(out, 3 + (axis + 2) % 3, lanes)
+                    i, j = first + 3 + axis, first + 3 + (axis + 1) % 3
+                    add1(system, wide_row(size, i, j), -half, lanes)
+                    add1(system, wide_row(size, j, i), half, lanes)
+                for direction in range(3, 6):
+                    moved_listed_loads(block, layout, node, terms, direction, STEP, out)
+                    for k in range(6):
+                        store(out, 9 + k, load(out, k, lanes), lanes)
+                    moved_listed_loads(block, layout, node, terms, direction, -STEP, out)
+                    for k in range(6):
+                        slope = -0.5 / STEP * (load(out, 9 + k, lanes) - load(out, k, lanes))
+                        add1(system, wide_row(size, first + k, first + direction), slope, lanes)
 
 
 @jit
 def assemble(block, layout, terms, nodal, gradient, share, system, out, order):
-    """Residual loads (6 N rows) and the symmetric part of the tangent (12 * 6 N rows) of every rod of a block.
+    """Residual loads (6 N rows) and tangent (``band_width`` * 6 N rows) of every rod of a block: the symmetric part of
+    it or, where loads have no potential, all.
 
     The poses are those in ``block``; ``share`` (2 * L,) is the part of the scene's loads and of the field that acts on
     each. Row 6 (a - 1) + k of the residual is force k (world, N) or torque k - 3 (body, N m) on node a. ``out`` (18 *
@@ -177,10 +231,49 @@ def assemble(block, layout, terms, nodal, gradient, share, system, out, order):
     if terms.magnets is not None:
         for magnet in range(len(layout.magnet_nodes)):
             add_magnet(block, layout, magnet, terms, gradient, share, system, out)
+    add_listed_loads(block, layout, terms, terms.loads, system, out)
 
 
 @jit
-def factorise(system, size, least, lanes):
+def factorise(system, terms, size, least):
+    """Factorise the tangents in place: LDL^T, or LU where they are not symmetric. What goes to ``least`` (L,), the
+    least pivot or the sign of the determinant, is above 0 where a rod is stable.
+    """
+    factorise_band(system, terms, terms.loads, size, least)
+
+
+@inline_jit
+def factorise_band(system, terms, loads, size, least):
+    """``factorise``, with the branch that the scene's terms need."""
+    if len(loads) > 0:
+        if terms.loads.circulatory is not None:
+            factorise_general(system, size, size, least, terms.lanes)
+        else:
+            factorise_symmetric(system, size, least, terms.lanes)
+    else:
+        factorise_symmetric(system, size, least, terms.lanes)
+
+
+@jit
+def solve_factored(system, terms, size):
+    """Solve for the right-hand sides in the first ``size`` rows, in place, with what ``factorise`` left."""
+    solve_band(system, terms, terms.loads, size)
+
+
+@inline_jit
+def solve_band(system, terms, loads, size):
+    """``solve_factored``, with the branch that the scene's terms need."""
+    if len(loads) > 0:
+        if terms.loads.circulatory is not None:
+            solve_general(system, size, size, system, terms.lanes)
+        else:
+            solve_symmetric(system, size, terms.lanes)
+    else:
+        solve_symmetric(system, size, terms.lanes)
+
+
+@jit
+def factorise_symmetric(system, size, least, lanes):
     """LDL^T of the symmetric band matrices in place, 1/D on their diagonals; the least pivot of each lane goes to
     ``least`` (L,): a matrix is positive definite where it is above 0.
     """
@@ -188,34 +281,36 @@ def factorise(system, size, least, lanes):
     for i in range(size):
         first = max(0, i - BAND + 1)
         for j in range(first, i):
-            total = load(system, band_row(size, i, j), lanes)
+            total = load(system, band_row(BAND, size, i, j), lanes)
             for k in range(max(first, j - BAND + 1), j):
-                product = load(system, band_row(size, i, k), lanes) * load(system, band_row(size, j, k), lanes)
+                product = load(system, band_row(BAND, size, i, k), lanes) * load(
+                    system, band_row(BAND, size, j, k), lanes
+                )
                 total = total - product
-            store(system, band_row(size, i, j), total, lanes)
-        pivot = load(system, band_row(size, i, i), lanes)
+            store(system, band_row(BAND, size, i, j), total, lanes)
+        pivot = load(system, band_row(BAND, size, i, i), lanes)
         for j in range(first, i):
-            entry = load(system, band_row(size, i, j), lanes)
-            scaled = entry * load(system, band_row(size, j, j), lanes)
+            entry = load(system, band_row(BAND, size, i, j), lanes)
+            scaled = entry * load(system, band_row(BAND, size, j, j), lanes)
             pivot = pivot - entry * scaled
-            store(system, band_row(size, i, j), scaled, lanes)
+            store(system, band_row(BAND, size, i, j), scaled, lanes)
         smallest = minimum(smallest, pivot)
-        store(system, band_row(size, i, i), 1.0 / pivot, lanes)
+        store(system, band_row(BAND, size, i, i), 1.0 / pivot, lanes)
     store(least, 0, smallest, lanes)
 
 
 @jit
-def solve_factored(system, size, lanes):
-    """Solve for the right-hand sides in the first ``size`` rows, in place, with what ``factorise`` left."""
+def solve_symmetric(system, size, lanes):
+    """Solve for the right-hand sides in the first rows, in place, with what ``factorise_symmetric`` left."""
     for i in range(size):
         value = load(system, i, lanes)
         for j in range(max(0, i - BAND + 1), i):
-            value = value - load(system, band_row(size, i, j), lanes) * load(system, j, lanes)
+            value = value - load(system, band_row(BAND, size, i, j), lanes) * load(system, j, lanes)
         store(system, i, value, lanes)
     for i in range(size):
-        store(system, i, load(system, i, lanes) * load(system, band_row(size, i, i), lanes), lanes)
+        store(system, i, load(system, i, lanes) * load(system, band_row(BAND, size, i, i), lanes), lanes)
     for i in range(size - 1, -1, -1):
         value = load(system, i, lanes)
         for j in range(max(0, i - BAND + 1), i):
-            entry = load(system, band_row(size, i, j), lanes)
+            entry = load(system, band_row(BAND, size, i, j), lanes)
             store(system, j, load(system, j, lanes) - entry * value, lanes)

@@ -42,7 +42,9 @@ class RodModel:
             self.values = shaped(self.values, element, num_elements)
         self.terms = scene_terms(scene, rotary_scaling)
         self.counts = split_elements(self.values.ends, num_elements)
-        self.static = StaticModel(self.values, self.counts, self.segments, self.nodal, scene.gravity)
+        self.static = StaticModel(
+            self.values, self.counts, self.segments, self.nodal, scene.gravity, scene.acting_loads
+        )
         self.static.column[DAMPING] = self.terms["internal_damping"] or 0.0
         self._extreme = lru_cache(maxsize=64)(self._make_extreme)
 
@@ -106,4 +108,6 @@ class RodModel:
             magnet_moments=values.magnet_moments * moment,
         )
         gravity = None if self.scene.gravity is None else weight * np.array(self.scene.gravity)
-        return StaticModel(values, self.counts, self.segments, self.nodal, gravity)
+        model = StaticModel(values, self.counts, self.segments, self.nodal, gravity, self.scene.acting_loads)
+        model.column[DAMPING] = self.static.column[DAMPING]
+        return model

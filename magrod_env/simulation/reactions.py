@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from magrod_env._jit import PRESENT
-from magrod_env.rod.internal import PARTS, inner_loads
+from magrod_env.rod.internal import CLAMPED, PARTS, inner_loads
 from magrod_env.rod.layout import SPATIAL
 from magrod_env.simulation.rods import Rods
 
@@ -44,10 +44,11 @@ def reactions(rods: Rods, damped: bool) -> Reactions:
     static, motion = rods.model.static, rods.motion
     blocks, rows = rods.static_blocks(np.arange(rods.num_rods))
     static.put(rows, motion.positions, motion.quaternions, motion.velocities, motion.momenta)
-    out = np.zeros((len(blocks), PARTS * static.layout.num_elements * rows.shape[2]))
+    elements, width = static.layout.num_elements, rows.shape[2]
+    out = np.zeros((len(blocks), (PARTS * elements + CLAMPED) * width))
     inner_loads(blocks, static.layout, static.terms, static.terms.nodal, PRESENT if damped else None, out)
-    parts = out.reshape(len(blocks), -1, PARTS, rows.shape[2]).transpose(0, 3, 1, 2)
-    parts = parts.reshape(-1, static.layout.num_elements, PARTS)[: rods.num_rods]
+    every = out.reshape(len(blocks), -1, width).transpose(0, 2, 1).reshape(len(blocks) * width, -1)[: rods.num_rods]
+    parts, clamped = every[:, :-CLAMPED].reshape(-1, elements, PARTS), every[:, -CLAMPED:]
     force, torque_a, torque_b, gamma, phi = (parts[..., 3 * k : 3 * k + 3] for k in range(5))
     frames = motion.rotations
     moments = np.stack(
@@ -62,8 +63,8 @@ def reactions(rods: Rods, damped: bool) -> Reactions:
     clamp = static.layout.nodes + SPATIAL.inverse_mass
     masses = 1.0 / rows[:, clamp].reshape(-1)[: rods.num_rods]
     return Reactions(
-        clamp_force=-force[:, 0] - masses[:, None] * rods.parameters.gravity,
-        clamp_moment=-moments[:, 0, 0],
+        clamp_force=-force[:, 0] - masses[:, None] * rods.parameters.gravity - clamped[:, :3],
+        clamp_moment=-moments[:, 0, 0] - clamped[:, 3:],
         forces=force.copy(),
         moments=moments,
         curvatures=phi / lengths[..., None],

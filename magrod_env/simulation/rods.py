@@ -13,7 +13,6 @@ from magrod_env._jit import Bound
 from magrod_env.integrator import SHARES
 from magrod_env.rod.batch import PLANE_AXES, RodBatch
 from magrod_env.rod.equilibrium import Shapes, StaticModel
-from magrod_env.rod.layout import make_blocks, rows_of
 from magrod_env.rod.mesh import arc_lengths
 from magrod_env.rod.parameters import RodParameters, write_parameters
 from magrod_env.rod.placing import lay_rods
@@ -194,8 +193,7 @@ class Rods:
         model, static = self.model, self.model.static
         if not self.varied:
             return static.blocks(np.broadcast_to(static.column, (len(rods), static.layout.size)))
-        blocks = make_blocks(len(rods), static.layout, static.terms, np.float64)
-        rows = rows_of(blocks, len(static.terms.lanes))
+        blocks, rows = static.blocks(np.broadcast_to(static.column, (len(rods), static.layout.size)))
         lanes = np.arange(len(blocks) * rows.shape[2])
         self._write_static(
             rows,

@@ -68,7 +68,7 @@ _SYMPTOMS = {
     NOT_FINITE: "its state is not finite",
     BENT: "one element has bent by 180 degrees or more: use more elements",
     STRETCHED: "an element is stretched or squeezed by half its length",
-    ENERGETIC: "its energy rose by more than the field can have put in",
+    ENERGETIC: "its energy rose by more than the field and the loads can have put in",
     UNSOLVED: "the equations of an implicit step were not solved",
 }
 
@@ -343,7 +343,8 @@ class Simulation:
             advice = f'use {self._longest_resolving_step:.2g} s or less, slow fields, or integrator="explicit"'
         else:
             sudden = " that changes suddenly" if self._driven > 1.01 * self._strongest else ""
-            loads = f"weight and a field of {self._strongest:.3g} T{sudden}"
+            weight = "weight, loads" if self.scene.loads else "weight"
+            loads = f"{weight} and a field of {self._strongest:.3g} T{sudden}"
             problem = f"{self.num_elements} elements may be too few for {loads}"
             advice = f"use {self._elements_needed} or more, or a tolerance, or slow fields"
         warnings.warn(f"{problem}: {advice} (docs/resolution.md).", CoarseWarning, stacklevel=3)
@@ -993,8 +994,8 @@ class Simulation:
     # ---- what the rods carry
 
     def energies(self) -> dict[str, np.ndarray]:
-        """Kinetic, elastic, gravitational and magnetic energy, J, (num_rods,) each; the clamp's node is the zero of
-        gravity.
+        """Kinetic, elastic, gravitational and magnetic energy, J, (num_rods,) each, and that of dead forces as "loads"
+        where the scene lists loads; the clamp's node is the zero of gravity and of these.
         """
         return self.rods.batch.energies()
 

@@ -1,0 +1,1 @@
+"""External loads of a rod, one file each; ``hub.py`` is where the kernels meet them."""
