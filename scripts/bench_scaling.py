@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 from tqdm import tqdm
 
-from magrod_env import Magnet, Scene, Simulation, load_scene
+from magrod_env import DistributedForce, FluidDrag, Magnet, PointLoad, Scene, Simulation, TipWrench, load_scene
 from magrod_env.envs.observing import observe_blocks
 from magrod_env.envs.settings import Camera
 from magrod_env.rod.batch import RodBatch
@@ -18,6 +18,17 @@ from scripts import Report, Table, least_time
 
 STEPS = 100
 RODS = 512
+LISTED = {
+    "wrench at the tip": TipWrench(force=(0.0, 0.0, 1e-4)),
+    "wrench that follows the tip": TipWrench(force=(0.0, 0.0, 1e-4), follows=True),
+    "force per length": DistributedForce(force_per_length=(0.0, 0.0, 1e-3)),
+    "force per length that follows": DistributedForce(force_per_length=(0.0, 0.0, 1e-3), follows=True),
+    "point load in the middle": PointLoad(position=30e-3, force=(0.0, 0.0, 1e-4)),
+    "fluid drag": FluidDrag(density=1000.0, normal_coefficient=1.1, tangential_coefficient=0.02),
+    "fluid drag in a flow": FluidDrag(
+        density=1000.0, normal_coefficient=1.1, tangential_coefficient=0.02, flow=(0.0, 0.0, 0.05)
+    ),
+}
 
 
 def make_batch(scene: Scene, *, plane: str | None = None, lag: bool = False, num_elements: int = 4, num_rods=RODS):
@@ -35,6 +46,7 @@ def make_batch(scene: Scene, *, plane: str | None = None, lag: bool = False, num
         drag_rate=scene.drag_rate,
         spin_drag_rate=scene.spin_drag_rate,
         internal_damping=scene.internal_damping,
+        loads=scene.acting_loads,
         lag=lag,
         num_threads=1,
     )
@@ -63,6 +75,7 @@ def features(report: Report, quick: bool) -> None:
         ("drag", {"scene": full.replace(drag_rate=None)}, {"scene": full}),
         ("spin drag", {"scene": full}, {"scene": full.replace(spin_drag_rate=100.0)}),
         ("internal damping", {"scene": full}, {"scene": full.replace(internal_damping=1e-4)}),
+        *[(name, {"scene": full}, {"scene": full.replace(loads=(load,))}) for name, load in LISTED.items()],
         ("lag of the coils", {"scene": full}, {"scene": full, "lag": True}),
         ("space instead of a plane", {"scene": full, "plane": "xz"}, {"scene": full}),
     ]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp, trapezoid
 from scipy.optimize import brentq
 
 from magrod_env import FluidDrag, PointLoad, Scene, Simulation
@@ -183,7 +183,7 @@ def test_a_small_pull_raises_the_first_frequency_by_rayleighs_quotient():
         scene = wire(tip={"force": (load * FORCE, 0.0, 0.0)})
         simulation = Simulation(scene, num_elements=16, time_step=1e-9)
         squares.append(simulation.natural_frequencies((0.0, 0.0, 0.0))[0] ** 2)
-    rise = 0.02 * np.trapezoid(slope**2, s) / np.trapezoid(mode**2, s) / number**4
+    rise = 0.02 * trapezoid(slope**2, s) / trapezoid(mode**2, s) / number**4
     np.testing.assert_allclose(squares[1] / squares[0] - 1.0, rise, rtol=0.01)
 
 
