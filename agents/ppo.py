@@ -35,7 +35,7 @@ from agents.run_folder import (
     write_whole,
 )
 from agents.sb3_adapter import BatchedVecEnv
-from magrod_env.magnetics import _checks
+from magrod_env import _checks
 
 TOTAL_STEPS = 4_000_000
 

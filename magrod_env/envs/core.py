@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from gymnasium.utils import seeding
 
+from magrod_env import _checks
 from magrod_env._jit import PRESENT, Bound
 from magrod_env.envs.commanding import add_travel, write_commands
 from magrod_env.envs.observing import Episodes, Optics, Outcome, Scales, View, observe_blocks, observe_some
@@ -16,7 +17,7 @@ from magrod_env.envs.resetting import Making, begin_episodes, copy_starts, make_
 from magrod_env.envs.settings import Camera, Randomization
 from magrod_env.envs.tasks import Task
 from magrod_env.envs.workspace import Workspace
-from magrod_env.magnetics import Actuator, UniformCoils, _checks
+from magrod_env.magnetics import Actuator, UniformCoils
 from magrod_env.resolution import Resolution
 from magrod_env.rod.batch import PLANE_AXES, RodBatch
 from magrod_env.rod.equilibrium import StaticModel

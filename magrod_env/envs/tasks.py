@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from magrod_env import _checks
 from magrod_env.envs.observing import Targets
 from magrod_env.envs.paths import evenly_spaced, shape
 from magrod_env.envs.workspace import Workspace
-from magrod_env.magnetics import _checks
 from magrod_env.rod.equilibrium import Equilibrium
 
 PATH_POINTS = 120
