@@ -35,8 +35,8 @@ from agents.run_folder import (
     write_whole,
 )
 from agents.sb3_adapter import BatchedVecEnv
+from magrod_env import _checks
 from magrod_env.envs import attributes_of
-from magrod_env.magnetics import _checks
 
 TOTAL_STEPS = 4_000_000
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from magrod_env.magnetics import _checks
+from magrod_env import _checks
 
 NUM_ELEMENTS = 6  # where nothing is said
 EXPECTED_FIELD = 45e-3  # T: the limit of the paper's coils

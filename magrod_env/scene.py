@@ -14,7 +14,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from magrod_env.magnetics import _checks, dipole_moment
+from magrod_env import _checks
+from magrod_env.magnetics import dipole_moment
 from magrod_env.rod.loads.distributed_force import DistributedForce
 from magrod_env.rod.loads.fluid_drag import FluidDrag
 from magrod_env.rod.loads.hub import KINDS, SINGLE

@@ -12,7 +12,7 @@ from agents.command_line import one_sentence
 from agents.open_loop_circle import InverseStatics, RotatingField
 from agents.policy import Policy
 from agents.rollout import REAL_RODS, Controller, Result, check_env_id, core_of, evaluate, table
-from magrod_env.magnetics import _checks
+from magrod_env import _checks
 from scripts.common import ROOT
 
 WEIGHTS = ROOT / "agents" / "weights" / "circle_ppo.npz"

@@ -30,7 +30,7 @@ MAY_IMPORT = {
     "scenes": {*PHYSICS, "scene"},
     "values": {*PHYSICS, "scene"},
     "integrator": {"rod", "scene"},
-    "resolution": {"magnetics"},
+    "resolution": {"_checks"},
     "shapes": PHYSICS,
     "snapshots": set(),
     "pilots": {"integrator", "resolution"},

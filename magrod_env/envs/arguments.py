@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from magrod_env.magnetics import Actuator, _checks
+from magrod_env import _checks
+from magrod_env.magnetics import Actuator
 
 MOST_ENVS = 2**20
 MOST_ELEMENTS = 200  # a rod of more takes seconds to build

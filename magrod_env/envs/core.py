@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from gymnasium.utils import seeding
 
+from magrod_env import _checks
 from magrod_env._jit import PRESENT, Bound
 from magrod_env.envs.commanding import add_travel, write_commands
 from magrod_env.envs.estimates import Estimates
@@ -18,7 +19,7 @@ from magrod_env.envs.resetting import Making, Spread, begin_episodes, copy_start
 from magrod_env.envs.settings import Camera, Randomization
 from magrod_env.envs.tasks.task import Reward, Task
 from magrod_env.envs.workspace import Workspace
-from magrod_env.magnetics import Actuator, UniformCoils, _checks
+from magrod_env.magnetics import Actuator, UniformCoils
 from magrod_env.resolution import Resolution
 from magrod_env.rod.batch import PLANE_AXES
 from magrod_env.rod.equilibrium import Shapes

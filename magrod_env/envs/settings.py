@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any
 
+from magrod_env import _checks
 from magrod_env.envs.arguments import FARTHEST, LATEST, STRONGEST
-from magrod_env.magnetics import _checks
 
 _CAMERA = {  # least, most, unit
     "noise": (1e-9, 1.0, "metres"),

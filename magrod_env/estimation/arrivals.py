@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from magrod_env import _checks
 from magrod_env.estimation.measurement import SAME_TIME, Measurement
-from magrod_env.magnetics import _checks
 
 
 def check_arrival(measurement: Measurement, shape: tuple[int, int], time: float, last: float, oldest: float) -> None:

@@ -8,10 +8,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from magrod_env import _checks
 from magrod_env.estimation.occlusion import hidden_by_rod
 from magrod_env.estimation.pinhole import PinholeCamera
 from magrod_env.estimation.triangulation import UNKNOWN, triangulate
-from magrod_env.magnetics import _checks
 
 WORKSPACE = (0.03, 0.0, 0.0)  # m: middle of the paper's rod, straight
 DISTANCE = 0.4  # m, from there to each camera

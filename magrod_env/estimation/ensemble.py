@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from magrod_env import _checks
 from magrod_env.estimation.analysis import ensemble_update, exact_draws
 from magrod_env.estimation.arrivals import check_arrival, checked_duration, checked_field
 from magrod_env.estimation.measurement import SAME_TIME, Measurement, marker_arc_lengths, marker_nodes
 from magrod_env.estimation.member_filter import MemberFilter
 from magrod_env.estimation.members import Members
 from magrod_env.estimation.unknowns import DEFAULTS, Unknown
-from magrod_env.magnetics import _checks
 from magrod_env.resolution import EXPECTED_FIELD
 from magrod_env.scene import Scene
 from magrod_env.shapes import Shape

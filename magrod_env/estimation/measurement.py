@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from magrod_env.magnetics import _checks
+from magrod_env import _checks
 from magrod_env.scene import Scene
 
 SAME_TIME = 1e-9  # s: times this close are one

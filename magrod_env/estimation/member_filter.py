@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from magrod_env import _checks
 from magrod_env.estimation.arrivals import checked_field, checked_mask
 from magrod_env.estimation.coordinates import strains_of
 from magrod_env.estimation.members import Members
-from magrod_env.magnetics import _checks
 from magrod_env.scene import Scene
 from magrod_env.shapes import Shape, check_one_start, checked_shape
 from magrod_env.values import axis_across

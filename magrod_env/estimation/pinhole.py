@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from magrod_env.magnetics import _checks
+from magrod_env import _checks
 
 NEWTON_STEPS = 20  # at most, to undo the distortion
 ROUNDING = 1e-12  # of normalised coordinates, about 1e-9 of a pixel

@@ -7,12 +7,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+from magrod_env import _checks
 from magrod_env.estimation.arrivals import check_arrival
 from magrod_env.estimation.damping_choice import LEAST_NOISE, DampingChoice
 from magrod_env.estimation.history import Piece, replay, set_state_rows, split, state_rows
 from magrod_env.estimation.innovation_spread import InnovationSpread
 from magrod_env.estimation.measurement import SAME_TIME, Measurement, marker_arc_lengths, marker_nodes
-from magrod_env.magnetics import _checks
 from magrod_env.resolution import EXPECTED_FIELD
 from magrod_env.rod.batch import PLANE_AXES
 from magrod_env.rod.energy import ENERGETIC

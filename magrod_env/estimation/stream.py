@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from magrod_env import _checks
 from magrod_env.estimation.cameras import Cameras, checked_positions
 from magrod_env.estimation.measurement import SAME_TIME, Measurement
-from magrod_env.magnetics import _checks
 from magrod_env.simulation import Simulation
 from magrod_env.simulation.simulation import Field
 

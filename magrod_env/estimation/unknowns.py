@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from magrod_env.magnetics import _checks
+from magrod_env import _checks
 from magrod_env.rod.batch import PLANE_AXES
 from magrod_env.scene import Scene
 

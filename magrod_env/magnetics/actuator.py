@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from magrod_env.magnetics import _checks
+from magrod_env import _checks
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

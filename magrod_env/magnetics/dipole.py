@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from magrod_env.magnetics import _checks
+from magrod_env import _checks
 from magrod_env.magnetics.constants import MU_0
 
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from magrod_env.magnetics import _checks
+from magrod_env import _checks
 from magrod_env.magnetics.constants import MU_0
 from magrod_env.magnetics.elliptic import complete_integrals
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from magrod_env.magnetics import _checks
+from magrod_env import _checks
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

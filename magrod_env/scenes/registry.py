@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Literal
 
-from magrod_env.magnetics import _checks
+from magrod_env import _checks
 from magrod_env.scene import Scene
 from magrod_env.scenes.guidewire import niti_guidewire
 from magrod_env.scenes.paper import PAPER_SCENES

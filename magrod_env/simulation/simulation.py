@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from magrod_env import _checks
 from magrod_env.integrator import check_integrator, implicit_schemes, largest_step, working_step
-from magrod_env.magnetics import FieldCourse, _checks
+from magrod_env.magnetics import FieldCourse
 from magrod_env.magnetics.maxwell import checked_gradient
 from magrod_env.resolution import (
     EXPECTED_FIELD,

@@ -10,7 +10,7 @@ import numpy as np
 from tqdm import tqdm
 
 from agents.rollout import EnvSettings, core_of
-from magrod_env import Magnet, Scene, Simulation, load_scene
+from magrod_env import DistributedForce, FluidDrag, Magnet, PointLoad, Scene, Simulation, TipWrench, load_scene
 from magrod_env.envs.observing import observe_blocks
 from magrod_env.envs.settings import Camera
 from magrod_env.rod.batch import RodBatch
@@ -22,10 +22,22 @@ from scripts.common.run import Options, least_time, slope
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-STEPS = 100
+STEPS = 128  # whole groups of steps between which internal damping acts
 RODS = 512
 SIZES = ((1, 1), (RODS, 1), (RODS, usable_cores()))  # rods, threads
 SCENE = load_scene("paper5_circle", modulus="effective").replace(drag_rate=5.0)
+LIFT = (0.0, 0.0, 1e-4)  # N
+LINE = (0.0, 0.0, 1e-3)  # N/m
+WATER = {"density": 1000.0, "normal_coefficient": 1.1, "tangential_coefficient": 0.02}
+LISTED = {
+    "wrench at the tip": TipWrench(force=LIFT),
+    "wrench that follows the tip": TipWrench(force=LIFT, follows=True),
+    "force per length": DistributedForce(force_per_length=LINE),
+    "force per length that follows": DistributedForce(force_per_length=LINE, follows=True),
+    "point load in the middle": PointLoad(position=30e-3, force=LIFT),
+    "fluid drag": FluidDrag(**WATER),
+    "fluid drag in a flow": FluidDrag(**WATER, flow=(0.0, 0.0, 0.05)),
+}
 
 
 def kernels(report: Report, quick: bool) -> None:
@@ -43,7 +55,7 @@ def kernels(report: Report, quick: bool) -> None:
             for rods, precision, threads in cases[:2] if quick else cases:
                 options: Options = {"num_rods": rods, "plane": plane, "precision": precision, "num_threads": threads}
                 plain, damped = (Simulation(SCENE.replace(internal_damping=tau), **options) for tau in (None, 3e-3))
-                span = (2000 if rods == 1 else 20) * plain.time_step
+                span = (2048 if rods == 1 else 64) * plain.time_step
                 wall, damped_wall = (
                     least_time(partial(rod.advance, span), repeats=3 if quick else 9, duration=0.1)
                     for rod in (plain, damped)
@@ -77,6 +89,7 @@ def make_batch(scene: Scene = SCENE, **kind: Unpack[Kind]) -> RodBatch:
         drag_rate=scene.drag_rate,
         spin_drag_rate=scene.spin_drag_rate,
         internal_damping=scene.internal_damping,
+        loads=scene.acting_loads,
         lag=kind.get("lag", False),
         num_threads=1,
     )
@@ -99,6 +112,7 @@ def features(report: Report, quick: bool) -> None:
         ("drag", bare(SCENE.replace(drag_rate=None)), bare()),
         ("spin drag", bare(), bare(SCENE.replace(spin_drag_rate=100.0))),
         ("internal damping", bare(), bare(SCENE.replace(internal_damping=1e-4))),
+        *[(name, bare(), bare(SCENE.replace(loads=(load,)))) for name, load in LISTED.items()],
         ("lag of the coils", bare(), bare(lag=True)),
         ("space instead of a plane", bare(plane="xz"), bare()),
         ("force of a field gradient", bare(), bare()),

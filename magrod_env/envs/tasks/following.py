@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from magrod_env import _checks
 from magrod_env.envs.arguments import STRONGEST, flag
 from magrod_env.envs.paths import evenly_spaced
 from magrod_env.envs.targets import Targets
 from magrod_env.envs.tasks.task import Argument, Task, within
 from magrod_env.envs.workspace import Workspace
-from magrod_env.magnetics import _checks
 from magrod_env.rod.equilibrium import Equilibrium
 
 PATH_POINTS = 120

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from magrod_env import _checks
 from magrod_env.envs.targets import Targets
-from magrod_env.magnetics import Actuator, _checks
+from magrod_env.magnetics import Actuator
 from magrod_env.resolution import Resolution
 from magrod_env.rod.equilibrium import Equilibrium
 from magrod_env.scene import Scene

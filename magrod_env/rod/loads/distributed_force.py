@@ -7,10 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from magrod_env._checks import Vector
 from magrod_env._jit import inline_jit
 from magrod_env.rod.access import load_vector
-from magrod_env.rod.loads.rows import checked_flag, checked_load, for_rods, put_vectors
+from magrod_env.rod.loads.rows import Vector, checked_flag, checked_load, for_rods, put_vectors
 from magrod_env.rod.vectors import add_scaled_vector, add_vectors, scaled_vector, to_world
 
 LINE_FORCE, BODY_LINE_FORCE = 0, 3  # N/m: world, body

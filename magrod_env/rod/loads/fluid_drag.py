@@ -15,13 +15,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from magrod_env import _checks
-from magrod_env._checks import Vector
 from magrod_env._jit import inline_jit
 from magrod_env._simd import load, maximum, square_root
 from magrod_env.rod.access import load_vector
 from magrod_env.rod.damping import add_tensor, add_tensors, tensor
-from magrod_env.rod.loads.rows import for_rods, put_vectors
+from magrod_env.rod.loads.rows import Vector, checked_amount, checked_length, checked_load, for_rods, put_vectors
 from magrod_env.rod.vectors import (
     add_scaled_vector,
     add_vectors,
@@ -69,19 +67,12 @@ class FluidDrag:
             ("normal_coefficient", LARGEST_COEFFICIENT, "parts of (rho/2) d u^2"),
             ("tangential_coefficient", LARGEST_COEFFICIENT, "parts of (rho/2) pi d u^2"),
         ):
-            what, value = f"{name} of the FluidDrag", getattr(self, name)
-            value = _checks.bounded(what, value, at_least=0.0, most=most, advice=f"give it in {unit}")
+            value = checked_amount(f"{name} of the FluidDrag", getattr(self, name), unit, most)
             object.__setattr__(self, name, value)
-        advice = "give a world vector in m/s"
-        flow = _checks.vector("flow of the FluidDrag", self.flow, advice=advice)
-        for part in flow:
-            what = "an entry of the flow of the FluidDrag"
-            _checks.bounded(what, part, least=-LARGEST_FLOW, most=LARGEST_FLOW, advice=advice)
-        object.__setattr__(self, "flow", flow)
+        object.__setattr__(self, "flow", checked_load("flow of the FluidDrag", self.flow, "m/s", LARGEST_FLOW))
         if self.diameter is not None:
-            what, advice = "diameter of the FluidDrag", "give it in metres, or None for the rod's width"
-            value = _checks.bounded(what, self.diameter, above=0.0, least=1e-9, most=1e4, advice=advice)
-            object.__setattr__(self, "diameter", value)
+            advice = "give it in metres, or None for the rod's width"
+            object.__setattr__(self, "diameter", checked_length("diameter of the FluidDrag", self.diameter, advice))
 
     @property
     def conservative(self) -> bool:

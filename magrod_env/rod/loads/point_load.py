@@ -7,11 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from magrod_env import _checks
-from magrod_env._checks import Vector
 from magrod_env._jit import inline_jit
 from magrod_env.rod.access import load_vector
-from magrod_env.rod.loads.rows import checked_flag, checked_load, for_rods, put_vectors
+from magrod_env.rod.loads.rows import Vector, checked_flag, checked_length, checked_load, for_rods, put_vectors
 from magrod_env.rod.vectors import add_vectors, to_world
 
 POINT_FORCE, BODY_POINT_FORCE = 0, 3  # N: world, body
@@ -43,7 +41,7 @@ class PointLoad:
 
     def __post_init__(self) -> None:
         advice = "give its arc length from the clamp in metres; at the clamp a load cannot act"
-        position = _checks.number("position of the PointLoad", self.position, above=0.0, advice=advice)
+        position = checked_length("position of the PointLoad", self.position, advice)
         object.__setattr__(self, "position", position)
         object.__setattr__(self, "force", checked_load("force of the PointLoad", self.force, "N"))
         object.__setattr__(self, "follows", checked_flag("follows of the PointLoad", self.follows))

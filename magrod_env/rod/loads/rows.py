@@ -8,17 +8,30 @@ import numpy as np
 
 from magrod_env import _checks
 
+Vector = _checks.Vector
+"""Three floats."""
+
 LARGEST = 1e12  # N, N m, N/m: far beyond what a rod bears
 AXES = {None: (0, 1, 2), "xy": (0, 1), "xz": (0, 2)}
 
 
-def checked_load(what: str, value: Any, unit: str) -> _checks.Vector:
+def checked_load(what: str, value: Any, unit: str, most: float = LARGEST) -> Vector:
     """Three finite numbers of a size that can be computed with."""
     advice = f"give a vector in {unit}"
     vector = _checks.vector(what, value, advice=advice)
     for part in vector:
-        _checks.bounded(f"an entry of the {what}", part, least=-LARGEST, most=LARGEST, advice=advice)
+        _checks.bounded(f"an entry of the {what}", part, least=-most, most=most, advice=advice)
     return vector
+
+
+def checked_amount(what: str, value: Any, unit: str, most: float) -> float:
+    """A number from 0 to ``most``."""
+    return _checks.bounded(what, value, at_least=0.0, most=most, advice=f"give it in {unit}")
+
+
+def checked_length(what: str, value: Any, advice: str) -> float:
+    """A length, m, above 0."""
+    return _checks.number(what, value, above=0.0, advice=advice)
 
 
 def checked_flag(what: str, value: Any) -> bool:

@@ -11,10 +11,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from magrod_env._checks import Vector
 from magrod_env._jit import inline_jit
 from magrod_env.rod.access import load_torque, load_vector
-from magrod_env.rod.loads.rows import checked_flag, checked_load, for_rods, put_moments, put_vectors
+from magrod_env.rod.loads.rows import Vector, checked_flag, checked_load, for_rods, put_moments, put_vectors
 from magrod_env.rod.vectors import add_torques, add_vectors, to_world, torque_to_body
 
 FORCE, MOMENT, BODY_FORCE, BODY_MOMENT = 0, 3, 6, 9  # N and N m, world, then body
