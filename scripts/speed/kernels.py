@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import partial
 from typing import TYPE_CHECKING, TypedDict
 
@@ -28,15 +29,15 @@ SIZES = ((1, 1), (RODS, 1), (RODS, usable_cores()))  # rods, threads
 SCENE = load_scene("paper5_circle", modulus="effective").replace(drag_rate=5.0)
 LIFT = (0.0, 0.0, 1e-4)  # N
 LINE = (0.0, 0.0, 1e-3)  # N/m
-WATER = {"density": 1000.0, "normal_coefficient": 1.1, "tangential_coefficient": 0.02}
+WATER = FluidDrag(density=1000.0, normal_coefficient=1.1, tangential_coefficient=0.02)
 LISTED = {
     "wrench at the tip": TipWrench(force=LIFT),
     "wrench that follows the tip": TipWrench(force=LIFT, follows=True),
     "force per length": DistributedForce(force_per_length=LINE),
     "force per length that follows": DistributedForce(force_per_length=LINE, follows=True),
     "point load in the middle": PointLoad(position=30e-3, force=LIFT),
-    "fluid drag": FluidDrag(**WATER),
-    "fluid drag in a flow": FluidDrag(**WATER, flow=(0.0, 0.0, 0.05)),
+    "fluid drag": WATER,
+    "fluid drag in a flow": dataclasses.replace(WATER, flow=(0.0, 0.0, 0.05)),
 }
 
 
