@@ -24,20 +24,14 @@ MAY_IMPORT = {
     "_checks": set(),
     "_jit": {"_cache"},
     "_simd": {"_jit"},
-    "rod": KERNELS,
+    "rod": {*KERNELS, "rotations"},
     "magnetics": KERNELS,
     "scene": PHYSICS,
     "scenes": {*PHYSICS, "scene"},
-    "values": {*PHYSICS, "scene"},
-    "integrator": {"rod", "scene"},
-    "resolution": {"_checks"},
-    "shapes": PHYSICS,
-    "snapshots": set(),
-    "pilots": {"integrator", "resolution"},
-    "search": {"integrator", "pilots", "resolution"},
-    "simulation": {*SCENES, "values", "integrator", "resolution", "search", "shapes", "snapshots"},
-    "estimation": {*SCENES, "values", "shapes", "simulation"},
-    "envs": {*SCENES, "values", "resolution", "simulation", "estimation", "rendering"},
+    "rotations": set(),
+    "simulation": {*SCENES, "rotations"},
+    "estimation": {*SCENES, "rotations", "simulation"},
+    "envs": {*SCENES, "rotations", "simulation", "estimation", "rendering"},
     "rendering": set(),
     "registration": {"envs"},
     "__init__": {*SCENES, "simulation", "estimation", "envs", "registration"},
@@ -122,6 +116,41 @@ def breaches(path: Path) -> Iterator[str]:
 
 def test_modules_import_only_from_the_layers_to_their_left():
     assert [breach for path in MODULES for breach in breaches(path)] == []
+
+
+FOREIGN = {  # private names of numba and SoRoMoX
+    ("_jit.py", "_cache"),
+    ("soromox.py", "_forward_kinematics"),
+    ("soromox.py", "_jacobian_and_time_derivative_bodyframe_terms"),
+    ("soromox.py", "_body_jacobian_time_derivative_to_inertial"),
+}
+
+
+def private_names(tree: ast.Module) -> set[str]:
+    """Names that a module's own classes and functions define."""
+    names = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in ("self", "cls"):
+            names.add(node.attr)
+        elif isinstance(node, ast.Assign):
+            names |= {target.id for target in node.targets if isinstance(target, ast.Name)}
+    return names
+
+
+def reaches(path: Path) -> Iterator[str]:
+    """Say of every use of a private name that the module does not define itself."""
+    tree = ast.parse(path.read_text())
+    known = private_names(tree) | {"_replace", "_fields", "_asdict"}
+    for node in ast.walk(tree):
+        name = node.attr if isinstance(node, ast.Attribute) else ""
+        if name.startswith("_") and not name.startswith("__") and name not in known:
+            if (path.name, name) not in FOREIGN:
+                yield f"{path.relative_to(ROOT)}:{node.lineno} reaches for {ast.unparse(node)}"
+
+
+def test_no_part_reaches_into_private_members_of_another():
+    files = [*MODULES, *(ROOT / "agents").glob("*.py"), *(ROOT / "scripts").rglob("*.py")]
+    assert [reach for path in files for reach in reaches(path)] == []
 
 
 def test_import_of_the_package_loads_no_training_or_plotting_library():

@@ -8,8 +8,8 @@ import pytest
 from term_sets import damped, dragged
 
 from magrod_env import Simulation, load_scene, search
-from magrod_env.integrator import cost_rate
 from magrod_env.simulation import resolution_for
+from magrod_env.simulation.integrators import cost_rate
 from scripts import precision
 from scripts.accuracy import CASES, follow, reference
 

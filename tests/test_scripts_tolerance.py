@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from magrod_env.resolution import Resolution
+from magrod_env.simulation.resolution import Resolution
 from scripts.tolerance.scenes import FAMILIES, LARGEST_FIELD, LOADS, NUM_RODS, field_course, make_trial
 from scripts.tolerance.trial import Record, cost, distances, finer, measure, simulate
 

@@ -7,7 +7,7 @@ from term_sets import dragged, loaded
 
 from magrod_env import Rod, Scene, Simulation, load_scene
 from magrod_env.estimation import EnsembleFilter, PredictionFilter, UnscentedFilter
-from magrod_env.shapes import checked_shape
+from magrod_env.simulation.starts import checked_shape
 
 ROD = Rod.circular(length=0.1, diameter=2e-3, density=1100.0, youngs_modulus=1e6, poissons_ratio=0.5)
 SCENE = Scene(rod=ROD)

@@ -20,14 +20,14 @@ from magrod_env.envs.settings import Camera, Randomization
 from magrod_env.envs.tasks.task import Reward, Task
 from magrod_env.envs.workspace import Workspace
 from magrod_env.magnetics import Actuator, UniformCoils
-from magrod_env.resolution import Resolution
 from magrod_env.rod.batch import PLANE_AXES
 from magrod_env.rod.equilibrium import Shapes
 from magrod_env.scene import Scene
 from magrod_env.simulation.model import RodModel
+from magrod_env.simulation.resolution import Resolution
 from magrod_env.simulation.rods import Rods
+from magrod_env.simulation.scene_values import check_plane
 from magrod_env.simulation.simulation import SAFETY
-from magrod_env.values import check_plane
 
 REWARD_TERMS = ("tracking", "precision", "effort", "smoothness")
 OBSERVE = ("camera", "state", "estimate")

@@ -16,13 +16,13 @@ from magrod_env.envs.settings import Camera, Randomization
 from magrod_env.envs.tasks import TASKS, Task, TaskSpec
 from magrod_env.envs.workspace import Workspace
 from magrod_env.magnetics import Actuator, UniformCoils
-from magrod_env.resolution import Resolution, checked_resolution
 from magrod_env.rod.batch import LANES
 from magrod_env.rod.threads import checked_num_threads
 from magrod_env.scene import Scene
 from magrod_env.scenes import load_scene
 from magrod_env.simulation import StabilityError, resolution_for
-from magrod_env.values import check_plane
+from magrod_env.simulation.resolution import Resolution, checked_resolution
+from magrod_env.simulation.scene_values import check_plane
 
 _RESOLUTION = ("num_elements", "time_step", "axial_softening", "rotary_scaling", "tolerance")
 _NAMES: dict[str, tuple[str | None, ...]] = {

@@ -16,9 +16,9 @@ from magrod_env.estimation.measurement import SAME_TIME, Measurement, marker_arc
 from magrod_env.estimation.member_filter import MemberFilter
 from magrod_env.estimation.members import Members
 from magrod_env.estimation.unknowns import DEFAULTS, Unknown
-from magrod_env.resolution import EXPECTED_FIELD
 from magrod_env.scene import Scene
-from magrod_env.shapes import Shape
+from magrod_env.simulation.resolution import EXPECTED_FIELD
+from magrod_env.simulation.starts import Shape
 
 STRAYED = 8.0  # deviations: a parameter that is so far off is an error, and might ask for tiny steps
 RECORD_EVERY = 0.01  # s: how densely the members' markers are remembered for late frames

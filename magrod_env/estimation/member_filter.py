@@ -12,8 +12,8 @@ from magrod_env.estimation.arrivals import checked_field, checked_mask
 from magrod_env.estimation.coordinates import strains_of
 from magrod_env.estimation.members import Members
 from magrod_env.scene import Scene
-from magrod_env.shapes import Shape, check_one_start, checked_shape
-from magrod_env.values import axis_across
+from magrod_env.simulation.scene_values import axis_across
+from magrod_env.simulation.starts import Shape, check_one_start, checked_shape
 
 MODES = {None: 4, "xy": 2, "xz": 2}  # two bending modes along each axis
 

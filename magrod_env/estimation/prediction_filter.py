@@ -13,12 +13,12 @@ from magrod_env.estimation.damping_choice import LEAST_NOISE, DampingChoice
 from magrod_env.estimation.history import Piece, replay, set_state_rows, split, state_rows
 from magrod_env.estimation.innovation_spread import InnovationSpread
 from magrod_env.estimation.measurement import SAME_TIME, Measurement, marker_arc_lengths, marker_nodes
-from magrod_env.resolution import EXPECTED_FIELD
 from magrod_env.rod.batch import PLANE_AXES
 from magrod_env.rod.energy import ENERGETIC
 from magrod_env.scene import Scene
-from magrod_env.shapes import Shape
 from magrod_env.simulation import Simulation, SimulationDiverged, StabilityError
+from magrod_env.simulation.resolution import EXPECTED_FIELD
+from magrod_env.simulation.starts import Shape
 
 LAWS = ("replay", "extrapolated")
 DAMPED = ("all", "seen")
@@ -158,7 +158,7 @@ class PredictionFilter:
             )
         if not rods.any():
             return
-        fields = None if field is None else self._model._checked_field(field)
+        fields = None if field is None else self._model.checked_field(field)
         if fields is not None:
             fields = np.where(rods[:, None], fields, fields[rods][0])  # the others' may have no equilibrium
         before = state_rows(self._model)
@@ -193,7 +193,7 @@ class PredictionFilter:
             SimulationDiverged: if a model fails and `on_failure` is "raise".
         """
         duration = _checks.number("duration", duration, at_least=0.0, advice="give it in seconds")
-        fields = self._model._checked_field(field)
+        fields = self._model.checked_field(field)
         piece = Piece(self._time, duration, fields, state_rows(self._model))
         self._model.advance(duration, field=fields)
         self._field = fields

@@ -17,10 +17,10 @@ from magrod_env.estimation.member_filter import MemberFilter
 from magrod_env.estimation.members import Members, Rest
 from magrod_env.estimation.modes import slow_modes
 from magrod_env.estimation.unknowns import DEFAULTS, Unknown, Unknowns
-from magrod_env.resolution import EXPECTED_FIELD
 from magrod_env.scene import Scene
-from magrod_env.shapes import Shape
 from magrod_env.simulation import Simulation
+from magrod_env.simulation.resolution import EXPECTED_FIELD
+from magrod_env.simulation.starts import Shape
 
 KURTOSIS = 2.0  # beta of the scaled transform, for a Gaussian
 

@@ -4,8 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from magrod_env.rod.energy import BENT, ENERGETIC, NOT_FINITE, STRETCHED
 from magrod_env.rod.equilibrium import Equilibrium
+from magrod_env.rod.implicit import UNSOLVED
 from magrod_env.scene import Scene
+
+SYMPTOMS = {
+    NOT_FINITE: "its state is not finite",
+    BENT: "one element has bent by 180 degrees or more: use more elements",
+    STRETCHED: "an element is stretched or squeezed by half its length",
+    ENERGETIC: "its energy rose by more than the field and the loads can have put in",
+    UNSOLVED: "the equations of an implicit step were not solved",
+}
+"""What each status of a rod means."""
 
 
 class SimulationDiverged(RuntimeError):

@@ -11,7 +11,7 @@ from magrod_env.rod.layout import DAMPING
 from magrod_env.rod.mesh import split_elements
 from magrod_env.rod.parameters import RodParameters
 from magrod_env.scene import Scene
-from magrod_env.values import locking_factor, rod_values, scene_terms, shaped
+from magrod_env.simulation.scene_values import locking_factor, rod_values, scene_terms, shaped
 
 
 class RodModel:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from magrod_env.simulation.model import RodModel
-from magrod_env.values import axis_across
+from magrod_env.simulation.scene_values import axis_across
 
 _FACTORS = ("modulus", "density", "moment")  # above 0
 _SCENE_HAS = {"drag": "drag_rate", "spin_drag": "spin_drag_rate", "internal_damping": "internal_damping"}

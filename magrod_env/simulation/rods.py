@@ -8,16 +8,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from magrod_env._jit import Bound
-from magrod_env.integrator import SHARES
 from magrod_env.rod.batch import PLANE_AXES, RodBatch
 from magrod_env.rod.equilibrium import Shapes, StaticModel
+from magrod_env.rod.loads.hub import first_rows
 from magrod_env.rod.mesh import arc_lengths
 from magrod_env.rod.parameters import RodParameters, write_parameters
 from magrod_env.rod.placing import lay_rods
 from magrod_env.rod.state import BatchState
 from magrod_env.rotations import rotate, rotation_matrices_of_vectors
+from magrod_env.simulation.integrators import SHARES
 from magrod_env.simulation.model import RodModel
 from magrod_env.simulation.state import RodState
 
@@ -63,6 +65,7 @@ class Rods:
         )
         self.motion = BatchState(self.batch)
         self.parameters = model.nominal(num_rods)
+        self.load_rows: dict[int, np.ndarray] = {}  # (num_rods, rows) of loads that differ, in space
         self.mixing: np.ndarray | None = None  # (num_rods, 3, 3), from commanded to acting field, where they differ
         self.varied = False  # whether any rod differs from the nominal one
         inside = PLANE_AXES[plane]
@@ -86,6 +89,16 @@ class Rods:
         self.write(rods)
         if spins is not None:
             self.motion.set_momenta(self.motion.momenta_of(spins))
+
+    def set_load(self, number: int, rods: np.ndarray, values: Mapping[str, ArrayLike]) -> None:
+        """Give some rods (M,) values of their own of one of the listed loads, by the names of its fields."""
+        load = self.batch.loads[number]
+        if number not in self.load_rows:
+            self.load_rows[number] = load.rows(None, self.num_rods)
+        own = load.rows(None, len(rods), **values)
+        self.batch.write_load(number, rods, **values)
+        self.load_rows[number][rods] = own
+        self.varied = True
 
     def write(self, rods: np.ndarray) -> None:
         """Write the constants of some rods (M,) into the batch after their parameters have changed."""
@@ -183,6 +196,10 @@ class Rods:
         )
         if self.varied:
             new.set_parameters({name: getattr(self.parameters, name)[rods] for name in self.parameters._fields})
+        for number, own in self.load_rows.items():
+            first = first_rows(self.batch.layout, self.batch.loads)[number]
+            new.batch.scatter(first, self.batch.gather(first, own.shape[1])[rods])
+            new.load_rows[number] = own[rods]
         new.mixing = None if self.mixing is None else self.mixing[rods]
         return new
 
@@ -207,6 +224,10 @@ class Rods:
             rods[np.minimum(lanes, len(rods) - 1)],
             lanes,
         )
+        firsts = first_rows(static.layout, static.loads) if self.load_rows else []
+        for number, own in self.load_rows.items():
+            full = own[rods[np.minimum(lanes, len(rods) - 1)]].reshape(len(blocks), -1, own.shape[1])
+            rows[:, firsts[number] : firsts[number] + own.shape[1]] = full.transpose(0, 2, 1)
         return blocks, rows
 
     def columns(self, rods: np.ndarray) -> np.ndarray | None:

@@ -13,10 +13,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from magrod_env import _checks
-from magrod_env.integrator import check_integrator, implicit_schemes, largest_step, working_step
 from magrod_env.magnetics import FieldCourse
 from magrod_env.magnetics.maxwell import checked_gradient
-from magrod_env.resolution import (
+from magrod_env.rod.batch import PLANE_AXES
+from magrod_env.rod.equilibrium import Equilibrium, shapes_at
+from magrod_env.rod.layout import BENDING
+from magrod_env.rod.stability import angular_frequencies
+from magrod_env.rod.threads import checked_num_threads
+from magrod_env.scene import Scene
+from magrod_env.simulation.errors import SYMPTOMS, CoarseWarning, SimulationDiverged, StabilityError
+from magrod_env.simulation.integrators import check_integrator, implicit_schemes, largest_step, working_step
+from magrod_env.simulation.inverse import InverseStatics, inverse_statics
+from magrod_env.simulation.linear import LinearModel, linear_model
+from magrod_env.simulation.model import RodModel
+from magrod_env.simulation.parameters import checked_parameters, checked_rods
+from magrod_env.simulation.reactions import Reactions, reactions
+from magrod_env.simulation.resolution import (
     EXPECTED_FIELD,
     LARGEST_ROUNDING,
     Resolution,
@@ -25,25 +37,11 @@ from magrod_env.resolution import (
     elements_for,
     rounding_share,
 )
-from magrod_env.rod.batch import PLANE_AXES
-from magrod_env.rod.energy import BENT, ENERGETIC, NOT_FINITE, STRETCHED
-from magrod_env.rod.equilibrium import Equilibrium, shapes_at
-from magrod_env.rod.implicit import UNSOLVED
-from magrod_env.rod.layout import BENDING
-from magrod_env.rod.stability import angular_frequencies
-from magrod_env.rod.threads import checked_num_threads
-from magrod_env.scene import Scene
-from magrod_env.search import choose_resolution
-from magrod_env.shapes import Shape, check_one_start, checked_shape
-from magrod_env.simulation.errors import CoarseWarning, SimulationDiverged, StabilityError
-from magrod_env.simulation.inverse import InverseStatics, inverse_statics
-from magrod_env.simulation.linear import LinearModel, linear_model
-from magrod_env.simulation.model import RodModel
-from magrod_env.simulation.parameters import checked_parameters, checked_rods
-from magrod_env.simulation.reactions import Reactions, reactions
 from magrod_env.simulation.rods import Rods
+from magrod_env.simulation.scene_values import axis_across, check_plane, relative_load
+from magrod_env.simulation.search import choose_resolution
+from magrod_env.simulation.starts import Shape, check_one_start, checked_shape
 from magrod_env.simulation.state import RodState, check_state
-from magrod_env.values import axis_across, check_plane, relative_load
 
 ELEMENTS = ("helical", "nodal")
 PRECISIONS = ("float64", "float32")
@@ -63,15 +61,6 @@ LARGEST_CONDITIONING = 1e12  # beyond which nothing is left of a stiffness besid
 
 Field = ArrayLike | Callable[[float], ArrayLike] | None
 Gradient = ArrayLike | Callable[[float], ArrayLike] | None
-
-
-_SYMPTOMS = {
-    NOT_FINITE: "its state is not finite",
-    BENT: "one element has bent by 180 degrees or more: use more elements",
-    STRETCHED: "an element is stretched or squeezed by half its length",
-    ENERGETIC: "its energy rose by more than the field and the loads can have put in",
-    UNSOLVED: "the equations of an implicit step were not solved",
-}
 
 
 class Simulation:
@@ -402,6 +391,10 @@ class Simulation:
         self._time_step, self._safe_field = self._checked_step(step), 0.0
         self._safe_pull, self._own_step = 0.0, step is None
 
+    def force_time_step(self, step: float) -> None:
+        """Take steps of this length (s) from now on, beyond the bound too: for studies of stability."""
+        self._time_step, self._safe_field, self._own_step = step, math.inf, False
+
     # ---- running
 
     def reset(
@@ -428,7 +421,7 @@ class Simulation:
             StabilityError: if a rod buckles or snaps through on the way. The simulation is then as it was.
         """
         check_one_start(field, shape, gradient)
-        fields = np.zeros((self.num_rods, 3)) if field is None else self._checked_field(field)
+        fields = np.zeros((self.num_rods, 3)) if field is None else self.checked_field(field)
         slopes = np.zeros((self.num_rods, 3, 3)) if gradient is None else self._checked_gradient(gradient)
         if shape is not None:
             start = checked_shape(shape, self.num_rods, self.num_elements + 1, self.scene.rod.length, self._across)
@@ -575,7 +568,7 @@ class Simulation:
                 f"{self.time_step:.3g} s, but got {duration:.3g} s: check the units, or advance in parts."
             )
         self._set_loads(
-            self._field if field is None or callable(field) else self._checked_field(field),
+            self._field if field is None or callable(field) else self.checked_field(field),
             self._gradient if gradient is None or callable(gradient) else self._checked_gradient(gradient),
         )
         if duration == 0.0:
@@ -620,9 +613,9 @@ class Simulation:
     def _fields_at(self, field: Callable[[float], ArrayLike], times: np.ndarray) -> np.ndarray:
         """Field of every rod at times (K,) s, T, (K, num_rods, 3)."""
         if not isinstance(field, FieldCourse):
-            return np.array([self._checked_field(field(float(time))) for time in times])
+            return np.array([self.checked_field(field(float(time))) for time in times])
         fields = field.sample(times)
-        self._checked_field(fields[0])
+        self.checked_field(fields[0])
         _check_largest_field(fields)
         fields = np.broadcast_to(fields[:, None] if fields.ndim == 2 else fields, (len(times), self.num_rods, 3))
         self._check_in_plane(fields)
@@ -639,12 +632,15 @@ class Simulation:
             rod = int(failed[0])
             raise SimulationDiverged(
                 f"rod {rod} left the stable range by t = {self._time:.4g} s: "
-                f"{_SYMPTOMS[int(self.rods.batch.status[rod])]}; "
+                f"{SYMPTOMS[int(self.rods.batch.status[rod])]}; "
                 f"time step {self.time_step:.3g} s, bound of the straight rod {self.stable_time_step:.3g} s: "
                 "lower time_step, or use more elements where the rod bends sharply."
             )
 
-    def _checked_field(self, field: Any) -> np.ndarray:
+    def checked_field(self, field: Any) -> np.ndarray:
+        """A field (3,) or (num_rods, 3) as one for every rod, T, (num_rods, 3); ValueError if it is none, as in
+        `advance`.
+        """
         array = np.asarray(field, float)
         if array.shape not in ((3,), (self.num_rods, 3)) or not np.isfinite(array).all():
             raise ValueError(
@@ -896,6 +892,29 @@ class Simulation:
             self._put_gradient(self._gradient)
         self.rods.batch.mark(chosen)
 
+    def set_load(self, number: int, *, rods: ArrayLike | None = None, **values: ArrayLike) -> None:
+        """Give rods values of their own of one of the scene's listed loads, from now on, statics included.
+
+        The time step is not chosen anew: `stable_time_step` is that of the scene's own loads.
+
+        Args:
+            number: of the load in `Scene.loads`, from 0.
+            rods: indices of the rods meant, (M,); None for all.
+            **values: by the names of the load's fields (`force`, `moment`, `density`, ...): one for all these rods, or
+                one more axis with one for each.
+
+        Raises:
+            ValueError: on a number without load, values that are none of it, or that leave the plane.
+        """
+        count = len(self.scene.loads)
+        if isinstance(number, bool) or number not in range(count):
+            raise ValueError(
+                f"number must be that of one of the scene's {count} loads, but got {number!r}: count from 0 in the "
+                "order of Scene.loads."
+            )
+        chosen = np.arange(self.num_rods) if rods is None else checked_rods(rods, self.num_rods)
+        self.rods.set_load(int(number), chosen, values)
+
     def _forget_bounds(self) -> None:
         """Work out anew what follows from the parameters."""
         for name in ("stable_time_step", "_default_step", "_shortest_step"):
@@ -918,7 +937,7 @@ class Simulation:
             ValueError: on a bad field, duration or state.
             StabilityError: if a rod buckles or snaps through on the way to its equilibrium.
         """
-        fields = self._checked_field(field)
+        fields = self.checked_field(field)
         duration = _checks.number("duration", duration, above=0.0, advice="give it in seconds")
         if state is not None:
             check_state(state, self.rods.batch, self._made_with, self.num_rods, exactly=True)

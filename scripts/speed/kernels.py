@@ -16,7 +16,7 @@ from magrod_env.envs.observing import observe_blocks
 from magrod_env.envs.settings import Camera
 from magrod_env.rod.batch import RodBatch
 from magrod_env.rod.threads import usable_cores
-from magrod_env.values import rod_values
+from magrod_env.simulation.scene_values import rod_values
 from scripts.common.report import Report
 from scripts.common.run import Options, least_time, slope
 

@@ -64,16 +64,11 @@ def disturb(simulation: Simulation) -> float:
     return float(np.abs(simulation.velocities).max())
 
 
-def force_step(simulation: Simulation, time_step: float) -> None:
-    """Let steps (s) be taken beyond the bound, which assignment refuses, in any field."""
-    simulation._time_step, simulation._safe_field = time_step, math.inf
-
-
 def grows(simulation: Simulation, time_step: float, num_steps: int = NUM_STEPS) -> bool:
     """Whether a small disturbance of the present state grows without end at a step (s); the state is left as it is."""
     snapshot = simulation.state()
     before = disturb(simulation)
-    force_step(simulation, time_step)
+    simulation.force_time_step(time_step)
     simulation.advance(num_steps * time_step)
     after = float(np.abs(simulation.velocities).max())
     simulation.set_state(snapshot)
@@ -160,7 +155,7 @@ def _state_bound(state: State, n: int) -> tuple[float | None, ...]:
 
 def first_failure(simulation: Simulation, time_step: float, duration: float) -> tuple[int, int]:
     """Status and number of steps at which a disturbed rod is first reported; (0, all of them) where it never is."""
-    force_step(simulation, time_step)
+    simulation.force_time_step(time_step)
     disturb(simulation)
     total = math.ceil(duration / time_step)
     for done in range(256, total + 256, 256):

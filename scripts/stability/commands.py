@@ -12,7 +12,8 @@ from tqdm import tqdm
 import magrod_env  # noqa: F401  (registers the ids)
 from agents.rollout import REAL_RODS, core_of
 from magrod_env.registration import IDS
-from magrod_env.simulation.simulation import _SYMPTOMS, PRECISIONS
+from magrod_env.simulation.errors import SYMPTOMS
+from magrod_env.simulation.simulation import PRECISIONS
 from scripts.common.report import Report
 
 EVERY = (1, 2, 3, 4, 6, 9)  # control steps between flips
@@ -58,7 +59,7 @@ def drive(batch: gymnasium.vector.VectorEnv, commands: np.ndarray) -> Fate:
         _, _, terminated, truncated, info = batch.step(action)
         status = core_of(batch).batch.status
         fate.steps += int((~over).sum())
-        fate.lost.update(_SYMPTOMS[int(one)] for one in status[terminated])
+        fate.lost.update(SYMPTOMS[int(one)] for one in status[terminated])
         fate.unreported += int((~np.isfinite(info["tip_position"]).all(axis=1) & ~terminated).sum())
         over = terminated | truncated
     return fate

@@ -11,10 +11,10 @@ from typing import Protocol
 import numpy as np
 
 from magrod_env import Simulation, StabilityError
-from magrod_env.integrator import SHARES
 from magrod_env.rod.energy import ENERGETIC, NOT_FINITE
 from magrod_env.rod.implicit import UNSOLVED
-from magrod_env.simulation.simulation import _SYMPTOMS
+from magrod_env.simulation.errors import SYMPTOMS
+from magrod_env.simulation.integrators import SHARES
 from scripts.common.run import Options, whole_steps
 from scripts.common.run import build as simulate
 from scripts.stability.scenes import Trial, first_period, own_time
@@ -72,7 +72,7 @@ class Run:
         """What was reported, in short."""
         if self.refusal:
             return self.refusal
-        return "" if self.status == 0 else _SYMPTOMS[self.status].split(":")[0]
+        return "" if self.status == 0 else SYMPTOMS[self.status].split(":")[0]
 
 
 @dataclass(frozen=True)
@@ -197,7 +197,7 @@ def follow(
         tips.append(simulation.tip_position[0])
         for field, length in zip(fields, lengths):
             if step is not None:  # whatever it is, beyond the bound too
-                simulation._time_step = length / (parts * whole_steps(length, step))
+                simulation.force_time_step(length / (parts * whole_steps(length, step)))
             simulation.advance(0.0, field=field)
             before = float(simulation.energy()[0])
             simulation.advance(length)

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from magrod_env import Simulation
-from magrod_env.integrator import cost_rate, implicit_schemes
-from magrod_env.search import LADDER, STEPS, cheapest_pair
+from magrod_env.simulation.integrators import cost_rate, implicit_schemes
+from magrod_env.simulation.search import LADDER, STEPS, cheapest_pair
 from scripts.common import run
 from scripts.common.run import Options, samples, whole_steps
 from scripts.tolerance.scenes import CONTROL_TIME, DURATION, NUM_RODS, Trial

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from magrod_env.resolution import Resolution
 from magrod_env.scene import Scene
 from magrod_env.scenes import load_scene
+from magrod_env.simulation.resolution import Resolution
 
 DRAG_RATE = 5.0  # 1/s: the paper's rods come to rest within a second
 SPIN_DRAG_RATE = 100.0  # 1/s: lets the ringing of a section after a step of the field die out

@@ -11,9 +11,9 @@ import numpy as np
 from magrod_env import _checks
 from magrod_env.envs.targets import Targets
 from magrod_env.magnetics import Actuator
-from magrod_env.resolution import Resolution
 from magrod_env.rod.equilibrium import Equilibrium
 from magrod_env.scene import Scene
+from magrod_env.simulation.resolution import Resolution
 
 
 @dataclass(frozen=True, kw_only=True)

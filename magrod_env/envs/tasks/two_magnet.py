@@ -10,7 +10,7 @@ from magrod_env.envs.tasks.scenes import two_magnet_rod
 from magrod_env.envs.tasks.task import Argument, EnvironmentId, Task, TaskSpec, within
 from magrod_env.envs.workspace import Workspace
 from magrod_env.magnetics import Actuator
-from magrod_env.resolution import Resolution
+from magrod_env.simulation.resolution import Resolution
 
 
 def two_magnet(workspace: Workspace, *, amplitude: float, period: float, random_start: bool) -> Task:

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from magrod_env.integrator import cost_rate
-from magrod_env.resolution import Resolution
+from magrod_env.simulation.integrators import cost_rate
+from magrod_env.simulation.resolution import Resolution
 
 LOGGER = logging.getLogger(__name__)
 DURATION, CONTROL_TIME = 2.0, 0.01  # s: of a pilot, between its field's values

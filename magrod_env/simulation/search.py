@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from magrod_env.integrator import cost_rate
-from magrod_env.pilots import CONTROL_TIME, Pilots, TooDear, pilot_fields
-from magrod_env.resolution import NUM_ELEMENTS, Resolution
+from magrod_env.simulation.integrators import cost_rate
+from magrod_env.simulation.pilots import CONTROL_TIME, Pilots, TooDear, pilot_fields
+from magrod_env.simulation.resolution import NUM_ELEMENTS, Resolution
 
 LADDER = (3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64, 80, 96, 128, 160)  # elements to choose from
 FINER = 1.5  # elements of the run that judges another, over that one's
