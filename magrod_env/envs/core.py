@@ -312,7 +312,7 @@ class SteeringCore:
         batch.run(self.num_steps - split, self.time_step, self.blend, self.largest_change)
         self._count_travel()
         batch.watch()
-        batch.share(observe_blocks, batch.terms, self.view, self.full, self.episodes, clipped, batch.status, out)
+        batch.share(observe_blocks, batch.shown_terms, self.view, self.full, self.episodes, clipped, batch.status, out)
         if self.estimation is not None:
             self.estimation.step(out)
 

@@ -244,9 +244,24 @@ class RodBatch:
         table = flat.reshape(steps, len(self.blocks), lanes, 3).transpose(1, 0, 3, 2)
         return np.ascontiguousarray(table, self.dtype).reshape(len(self.blocks), steps, 3 * lanes)
 
+    @property
+    def shown_terms(self) -> Terms:
+        """Those on which the layout of a state and its energies depend: kernels that only look are shared by scenes
+        that differ in the others.
+        """
+        terms = self.terms
+        return Terms(
+            lanes=terms.lanes,
+            planar=terms.planar,
+            nodal=terms.nodal,
+            magnets=terms.magnets,
+            gradient=terms.gradient,
+            loads=terms.loads,
+        )
+
     def watch(self) -> None:
         """Bring ``status`` up to date (see ``watch_blocks``)."""
-        self.share(watch_blocks, self.layout, self.terms, self.measures, self.travel, self.status)
+        self.share(watch_blocks, self.layout, self.shown_terms, self.measures, self.travel, self.status)
 
     def mark(self, rods=slice(None)) -> None:
         """Take the present energy of some rods as the watchdog's start, and their status as well."""
@@ -306,7 +321,7 @@ class RodBatch:
         """Kinetic, elastic, gravitational and magnetic energy of every rod and, where the scene lists loads, the
         potential energy of the dead forces among them; J, shape (num_rods,) each.
         """
-        self.share(measure_blocks, self.layout, self.terms, self.measures)
+        self.share(measure_blocks, self.layout, self.shown_terms, self.measures)
         seen = self.measures.reshape(len(self.blocks), -1, self.width).transpose(1, 0, 2)
         seen = seen.reshape(seen.shape[0], -1)[:, : self.num_rods].astype(np.float64)
         names = {"kinetic": KINETIC, "elastic": ELASTIC, "gravitational": GRAVITATIONAL, "magnetic": MAGNETIC}

@@ -157,6 +157,15 @@ class Rods:
         return 1.0 if self.mixing is None else float(np.linalg.norm(self.mixing[:, :, 0], axis=1).max())
 
     @property
+    def softness(self) -> float:
+        """The largest factor by which moments of a rod's magnets over its stiffness exceed those of the nominal one; at
+        least that of its stiffness alone.
+        """
+        if not self.varied:
+            return 1.0
+        return float((np.maximum(self.parameters.moment, 1.0) / self.parameters.modulus).max())
+
+    @property
     def limit(self) -> StaticModel:
         """Statics of a rod whose largest stable step no rod of the batch falls below."""
         return self.model.extreme(self.parameters) if self.varied else self.model.static

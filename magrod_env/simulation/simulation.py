@@ -22,6 +22,7 @@ from magrod_env.rod.stability import angular_frequencies
 from magrod_env.rod.threads import checked_num_threads
 from magrod_env.scene import Scene
 from magrod_env.simulation.errors import SYMPTOMS, CoarseWarning, SimulationDiverged, StabilityError
+from magrod_env.simulation.felt_loads import FeltLoads
 from magrod_env.simulation.integrators import check_integrator, implicit_schemes, largest_step, working_step
 from magrod_env.simulation.inverse import InverseStatics, inverse_statics
 from magrod_env.simulation.linear import LinearModel, linear_model
@@ -30,12 +31,9 @@ from magrod_env.simulation.parameters import checked_parameters, checked_rods
 from magrod_env.simulation.reactions import Reactions, reactions
 from magrod_env.simulation.resolution import (
     EXPECTED_FIELD,
-    LARGEST_ROUNDING,
     Resolution,
     checked_expected_field,
     checked_resolution,
-    elements_for,
-    rounding_share,
 )
 from magrod_env.simulation.rods import Rods
 from magrod_env.simulation.scene_values import axis_across, check_plane, relative_load
@@ -46,12 +44,8 @@ from magrod_env.simulation.state import RodState, check_state
 ELEMENTS = ("helical", "nodal")
 PRECISIONS = ("float64", "float32")
 SAFETY = 0.4  # of the bound, for a step that is left to us: sudden fields ring, and bends shift the bound
-RESOLVING = 0.25  # of an implicit step that is left to us: resolves the second vibration, which a sudden field excites
-SMALL_LOAD = 0.1  # moments of magnets over EI/L: sudden fields below it bend the rod by some hundredths of its length
-LARGEST_LOCKING = 1.05  # of bending stiffness by the paper's element, before a warning
 WATCH_EVERY = 256  # steps
 SAFE_PULLED = 0.5  # of the bound under tension
-THIRD_MODE = 17.55  # times the first frequency of a cantilever
 FIELD_AHEAD = (1.5, 1.1, 1.0)  # times a new strongest field: the step is checked as far ahead as it is stable
 LARGEST_FIELD = 1e6  # T, beyond any: its squares and the energies that it makes stay finite
 SHORTEST_STEP = 1e-15  # of the stable one: in a shorter one rounding swallows all motion of the rod
@@ -168,16 +162,11 @@ class Simulation:
             num_threads=num_threads,
         )
         self._check_representable()
-        self._time = self._strongest = self._safe_field = 0.0
+        self._time = self._safe_field = 0.0
         self._safe_pull, self._own_step = 0.0, False
-        self._driven = self._shaking = self._shaken_at = 0.0
-        third = THIRD_MODE * 2.0 * math.pi * scene.first_frequency
-        self._fading = 0.5 * (scene.drag_rate or 0.0) + 0.5 * (scene.damping_time or 0.0) * third**2  # 1/s
         self._told_of_coarse = on_failure != "raise"
-        self._chosen_for = -1.0 if tolerance is None else self.expected_field  # T
-        self._weight_load = relative_load(scene, 0.0)
-        self._load_per_tesla = relative_load(scene, 1.0) - self._weight_load
-        self._longest_element = float(np.diff(self.arc_lengths).max()) / scene.rod.length
+        chosen_for = -1.0 if tolerance is None else self.expected_field
+        self._felt_loads = FeltLoads(self.rods, self.integrator, chosen_for, self._step_by_default)
         self._field, self._gradient = np.zeros((num_rods, 3)), np.zeros((num_rods, 3, 3))
         self._made_with = {
             "scene": scene,
@@ -251,6 +240,9 @@ class Simulation:
     def _default_step(self) -> float:
         return _sound_step(self._step_of_the_scene)
 
+    def _step_by_default(self) -> float:
+        return self._default_step
+
     @cached_property
     def _shortest_step(self) -> float:
         return SHORTEST_STEP * (self.stable_time_step if self.integrator == "explicit" else self._default_step)
@@ -271,73 +263,17 @@ class Simulation:
         are too long for the vibrations that a sudden field excites. False where a tolerance chose the elements for
         such fields.
         """
-        if self._rounding > LARGEST_ROUNDING:
-            return True
-        if max(self._strongest, self._driven) <= self._chosen_for:
-            return False
-        few = self._elements_needed > self.num_elements
-        return bool(self.rods.model.locking > LARGEST_LOCKING) or few or self.time_step > self._longest_resolving_step
-
-    @property
-    def _rounding(self) -> float:
-        damping = self.scene.damping_time
-        if self.precision != "float32" or damping is None:
-            return 0.0
-        slenderness = self.scene.rod.length * math.sqrt(self.rods.model.values.axial / self.rods.model.values.bending)
-        return rounding_share(slenderness, damping / self.time_step, self.num_elements)
-
-    @property
-    def _longest_resolving_step(self) -> float:
-        """Longest implicit step, s, that resolves what sudden changes of the field have excited."""
-        load = self._load_per_tesla * self._driven
-        if self.integrator == "explicit" or load < SMALL_LOAD or self._driven < 0.5 * self._strongest:
-            return math.inf
-        return RESOLVING * self._default_step / math.sqrt(1.0 + load)
-
-    @property
-    def _elements_needed(self) -> int:
-        load = self._weight_load + self._load_per_tesla * max(self._strongest, self._driven)
-        return math.ceil(self.num_elements * elements_for(load, self._longest_element))
+        return self._felt_loads.coarse(self.time_step)
 
     def _feel_changes(self, fields: np.ndarray, times: np.ndarray) -> None:
-        """Add sudden changes of the field, by more than half of the strongest, to what keeps the rod swinging.
-
-        Their squares add up, since each finds the rod at another point of its swing, and die with the damping of a
-        vibration three modes up: `_driven` is the field, T, of one step that would excite the rod as much.
-
-        Args:
-            fields: T, (K, num_rods, 3), after the present one.
-            times: when they begin to act, s, (K,).
-        """
-        changes = np.linalg.norm(np.diff(fields, axis=0, prepend=self._field[None]), axis=-1).max(axis=-1)
-        for k in np.flatnonzero(changes > 0.5 * self._strongest):
-            fade = math.exp(-2.0 * self._fading * max(times[k] - self._shaken_at, 0.0))
-            self._shaking = fade * self._shaking + float(changes[k]) ** 2
-            self._shaken_at = float(times[k])
-            self._driven = max(self._driven, math.sqrt(self._shaking))
+        """Note changes from the present field to fields (K, num_rods, 3) T that begin to act at times (K,) s."""
+        self._felt_loads.feel(np.diff(fields, axis=0, prepend=self._field[None]), times)
 
     def _tell_of_coarse(self) -> None:
         """Warn, once, that the elements may be too few."""
-        if self._told_of_coarse or not self.coarse:
-            return
-        self._told_of_coarse = True
-        if self.rods.model.locking > LARGEST_LOCKING:
-            stiffer = f"the rod bends as if EI were {self.rods.model.locking:.3g} times"
-            problem = f"{self.num_elements} nodal elements lock: {stiffer}"
-            advice = 'use element="helical", or frequency_shaping'
-        elif self._rounding > LARGEST_ROUNDING:
-            problem = "float32 rounds away slow motion of a rod as thin and damped as this one"
-            advice = 'use precision="float64", or more elements'
-        elif self._elements_needed <= self.num_elements:
-            problem = f"implicit steps of {self.time_step:.3g} s may not resolve what a sudden field excites"
-            advice = f'use {self._longest_resolving_step:.2g} s or less, slow fields, or integrator="explicit"'
-        else:
-            sudden = " that changes suddenly" if self._driven > 1.01 * self._strongest else ""
-            weight = "weight, loads" if self.scene.loads else "weight"
-            loads = f"{weight} and a field of {self._strongest:.3g} T{sudden}"
-            problem = f"{self.num_elements} elements may be too few for {loads}"
-            advice = f"use {self._elements_needed} or more, or a tolerance, or slow fields"
-        warnings.warn(f"{problem}: {advice} (docs/resolution.md).", CoarseWarning, stacklevel=3)
+        if not self._told_of_coarse and self.coarse:
+            self._told_of_coarse = True
+            warnings.warn(self._felt_loads.advice(self.time_step), CoarseWarning, stacklevel=3)
 
     def _check_strength(self, fields: np.ndarray, gradients: np.ndarray, positions: np.ndarray | None = None) -> None:
         """Refuse fields in which the step is too long, with few eigenvalue problems while a field rises.
@@ -354,13 +290,13 @@ class Simulation:
         largest = float(np.linalg.norm(fields, axis=-1).max()) * self.rods.largest_gain
         if self.scene.magnets and largest > self._safe_field:
             self._safe_field = self._safe_reach(largest)
-        self._strongest = max(self._strongest, largest)
+        self._felt_loads.strongest = max(self._felt_loads.strongest, largest)
 
     def _check_pull(self, largest: float) -> None:
         """Shorten a step left to us where a gradient of up to `largest` T/m pulls the rod taut; refuse a given one."""
         if self.integrator != "explicit" or largest <= self._safe_pull:
             return
-        bound = self.rods.limit.stable_time_step(self._strongest, self.plane, 1.5 * largest)
+        bound = self.rods.limit.stable_time_step(self._felt_loads.strongest, self.plane, 1.5 * largest)
         if self._own_step and self.time_step > SAFE_PULLED * bound:
             self._time_step = SAFE_PULLED * bound
         if self.time_step > bound:
@@ -429,13 +365,14 @@ class Simulation:
             start = self._straight()
         else:
             start = self._equilibria(fields, slopes)
-        before, self._strongest = self._strongest, 0.0
+        before, self._felt_loads.strongest = self._felt_loads.strongest, 0.0
         try:
             self._check_strength(fields, slopes, start[0])
         except ValueError:
-            self._strongest = before
+            self._felt_loads.strongest = before
             raise
-        self._time = self._driven = self._shaking = self._shaken_at = 0.0
+        self._time = 0.0
+        self._felt_loads.calm()
         self.rods.batch.status[:] = 0
         self._put_field(fields)
         self._put_gradient(slopes)

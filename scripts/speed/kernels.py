@@ -143,7 +143,7 @@ def _observation(settings: EnvSettings) -> float:
     envs.reset(seed=0)
     core, actions = core_of(envs), np.zeros(envs.action_space.shape or ())
     batch, out = core.batch, core.new_outcome()
-    seen = (batch.terms, core.view, core.full, core.episodes, actions, batch.status, out)
+    seen = (batch.shown_terms, core.view, core.full, core.episodes, actions, batch.status, out)
     return 1e9 * least_time(partial(batch.share, observe_blocks, *seen), repeats=15, duration=0.05) / RODS
 
 
