@@ -25,7 +25,7 @@ for scene, options in (
     (Scene(rod=rod, magnets=(magnet,), gravity=(0.0, 0.0, -9.81)), {"num_rods": 8, "precision": "float32"}),
     (Scene(rod=rod, drag_rate=1.0), {"plane": "xz"}),
 ):
-    batch = Simulation(scene, num_elements=4, time_step=1e-6, **options)._batch
+    batch = Simulation(scene, num_elements=4, time_step=1e-6, **options).rods.batch
     one = batch.dtype.type(1.0)
     arguments = (batch.blocks, 0, 1, batch.layout, batch.terms, 1, one, one, one, None)
     signature = tuple(numba.typeof(argument) for argument in arguments)
@@ -67,5 +67,5 @@ def test_kernels_of_scenes_without_listed_loads_are_those_without_the_hub(tmp_pa
 
 def test_rows_of_listed_loads_are_there_only_where_a_scene_lists_them():
     rod = Rod.circular(length=60e-3, diameter=4e-3, density=1100.0, youngs_modulus=1.5e6, poissons_ratio=0.5)
-    batch = Simulation(Scene(rod=rod, magnets=(Magnet.dipole(position=60e-3, moment=0.01),)), time_step=1e-6)._batch
+    batch = Simulation(Scene(rod=rod, magnets=(Magnet.dipole(position=60e-3, moment=0.01),)), time_step=1e-6).rods.batch
     assert batch.terms.loads == () and batch.layout.loads == ()
