@@ -8,7 +8,7 @@ differences are extrapolated to order four.
 """
 
 from magrod_env._jit import inline_jit, jit
-from magrod_env._simd import constant, load, minimum, store
+from magrod_env._simd import constant, load, store, where_above
 from magrod_env.rod.access import load3, load_pose, node_row, store3
 from magrod_env.rod.elements import element_loads
 from magrod_env.rod.elimination import add1, add3
@@ -294,7 +294,7 @@ def factorise_symmetric(system, size, least, lanes):
             scaled = entry * load(system, band_row(BAND, size, j, j), lanes)
             pivot = pivot - entry * scaled
             store(system, band_row(BAND, size, i, j), scaled, lanes)
-        smallest = minimum(smallest, pivot)
+        smallest = where_above(pivot, smallest, smallest, pivot)  # not a number where a pivot is none
         store(system, band_row(BAND, size, i, i), 1.0 / pivot, lanes)
     store(least, 0, smallest, lanes)
 

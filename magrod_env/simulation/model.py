@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from magrod_env.rod.equilibrium import StaticModel
@@ -12,6 +10,8 @@ from magrod_env.rod.mesh import split_elements
 from magrod_env.rod.parameters import RodParameters
 from magrod_env.scene import Scene
 from magrod_env.simulation.scene_values import locking_factor, rod_values, scene_terms, shaped
+
+MOST_KEPT = 64  # rods at the bound, of different parameters
 
 
 class RodModel:
@@ -46,7 +46,7 @@ class RodModel:
             self.values, self.counts, self.segments, self.nodal, scene.gravity, scene.acting_loads
         )
         self.static.column[DAMPING] = self.terms["internal_damping"] or 0.0
-        self._extreme = lru_cache(maxsize=64)(self._make_extreme)
+        self._extremes: dict[tuple[float, ...], StaticModel] = {}
 
     def nominal(self, num_rods: int) -> RodParameters:
         """Parameters of rods that do not differ from the scene's."""
@@ -88,7 +88,12 @@ class RodModel:
         """Statics of a rod with these factors of stiffness, mass, magnets' moments and gravity, and magnets that are
         moved by up to `shift` (m), in whichever direction is worse.
         """
-        return self._extreme(modulus, density, moment, shift, max(weight, 1.0))
+        key = (modulus, density, moment, shift, max(weight, 1.0))
+        if key not in self._extremes:
+            if len(self._extremes) >= MOST_KEPT:
+                self._extremes.clear()
+            self._extremes[key] = self._make_extreme(*key)
+        return self._extremes[key]
 
     def _make_extreme(self, modulus: float, density: float, moment: float, shift: float, weight: float) -> StaticModel:
         if (modulus, density, moment, shift, weight) == (1.0, 1.0, 1.0, 0.0, 1.0):

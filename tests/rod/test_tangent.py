@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from magrod_env import Simulation, load_scene
-from magrod_env.rod.tangent import BAND, factorise, solve_factored
+from magrod_env.rod.layout import Terms
+from magrod_env.rod.tangent import BAND, LANES, factorise, solve_factored
 from rod.truth import exact_loads, helical_energy, nodal_energy
 
 FIELD = np.array([2e-3, -4e-3, 9e-3])
@@ -72,31 +73,40 @@ def test_tangent_is_the_second_derivative_of_the_energy(element):
 
 
 def band_matrix(size, seed, shift):
-    """A random symmetric band matrix, dense and by its band."""
+    """A random symmetric band matrix, dense and by its band, (size * BAND,)."""
     rng = np.random.default_rng(seed)
     dense = rng.normal(size=(size, size))
-    dense = dense + dense.T + shift * np.eye(size)
+    dense = np.where(np.abs(np.subtract.outer(np.arange(size), np.arange(size))) < BAND, dense + dense.T, 0.0)
+    dense += shift * np.eye(size)
     band = np.zeros((size, BAND))
     for i in range(size):
-        for j in range(size):
-            if abs(i - j) >= BAND:
-                dense[i, j] = 0.0
-            elif j <= i:
-                band[i, BAND - 1 - (i - j)] = dense[i, j]
-    return dense, band
+        for j in range(max(0, i - BAND + 1), i + 1):
+            band[i, BAND - 1 - (i - j)] = dense[i, j]
+    return dense, band.ravel()
 
 
-@pytest.mark.parametrize("shift", [30.0, 4.0, 0.0])
+def factorised(size, columns):
+    """Solutions for right-hand sides of ones, and least pivots, of systems whose bands are the lanes' ``columns``."""
+    system, least = np.ones((size + size * BAND, len(LANES))), np.zeros(len(LANES))
+    system[size:] = np.array(columns).T
+    flat = system.ravel()
+    factorise(flat, Terms(lanes=LANES), size, least)
+    solve_factored(flat, Terms(lanes=LANES), size)
+    return flat.reshape(system.shape)[:size].T, least
+
+
 @pytest.mark.parametrize("size", [6, 12, 30])
-def test_factorisation_counts_negative_eigenvalues_and_solves(size, shift):
-    dense, band = band_matrix(size, seed=size, shift=shift)
-    assert factorise(band) == (np.linalg.eigvalsh(dense) < 0).sum()
-    right = np.random.default_rng(1).normal(size=size)
-    solved = right.copy()
-    solve_factored(band, solved)
-    np.testing.assert_allclose(dense @ solved, right, atol=1e-9 * max(1.0, np.linalg.norm(solved)))
+def test_factorisation_solves_and_tells_which_lanes_are_positive_definite(size):
+    shifts = [60.0, 30.0, 15.0, 8.0, 4.0, 2.0, 0.0, -60.0]
+    matrices = [band_matrix(size, seed, shift) for seed, shift in enumerate(shifts)]
+    solutions, least = factorised(size, [band for _, band in matrices])
+    for (dense, _), solution, smallest in zip(matrices, solutions, least, strict=True):
+        assert (smallest > 0.0) == (np.linalg.eigvalsh(dense)[0] > 0.0)
+        np.testing.assert_allclose(dense @ solution, 1.0, atol=1e-9 * max(1.0, np.linalg.norm(solution)))
 
 
-def test_a_singular_matrix_is_recognised():
-    assert factorise(np.zeros((6, BAND))) == -1
-    assert factorise(np.full((6, BAND), np.nan)) == -1
+def test_a_singular_matrix_and_one_that_is_not_finite_are_recognised():
+    columns = [band_matrix(6, 0, 60.0)[1] for _ in LANES]
+    columns[2], columns[5] = np.zeros(6 * BAND), np.full(6 * BAND, np.nan)
+    _, least = factorised(6, columns)
+    assert (least > 0.0).tolist() == [lane not in (2, 5) for lane in range(len(LANES))]
