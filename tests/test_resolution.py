@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from term_sets import damped, dragged
 
-from magrod_env import Simulation, load_scene, search
-from magrod_env.simulation import resolution_for
+from magrod_env import Simulation, load_scene
+from magrod_env.simulation import resolution_for, search
 from magrod_env.simulation.integrators import cost_rate
 from scripts import precision
 from scripts.accuracy import CASES, follow, reference

@@ -167,7 +167,8 @@ class RodBatch:
 
     def use_gradient(self, used: bool = True) -> None:
         """From now on, compute the force that a field gradient makes, or leave it out."""
-        self.terms = self.terms._replace(gradient=PRESENT if used else None)
+        if used != (self.terms.gradient is not None):
+            self.terms = self.terms._replace(gradient=PRESENT if used else None)
 
     def use_node_damping(self) -> None:
         """From now on, every node has a damping of its own, zero until ``set_node_damping``."""

@@ -747,16 +747,18 @@ class Simulation:
         """
         chosen = None if rods is None else checked_rods(rods, self.num_rods)
         check_state(state, self.rods.batch, self._made_with, self.num_rods if chosen is None else len(chosen))
-        self._check_strength(state.field, state.gradient, state.positions if state.gradient.any() else None)
+        pulled = bool(state.gradient.any())
+        if pulled or 2.0 * float(np.abs(state.field).max()) > self._felt_loads.strongest:  # 2 > sqrt(3)
+            self._check_strength(state.field, state.gradient, state.positions if pulled else None)
         self.rods.set_state(state, chosen)
+        self._field, self._gradient = self._field.copy(), self._gradient.copy()
         if chosen is None:
             self._time = state.time
-            self._field = np.array(np.broadcast_to(state.field, (self.num_rods, 3)))
-            self._gradient = np.array(np.broadcast_to(state.gradient, (self.num_rods, 3, 3)))
+            self._field[:], self._gradient[:] = state.field, state.gradient
         else:
-            self._field, self._gradient = self._field.copy(), self._gradient.copy()
             self._field[chosen], self._gradient[chosen] = state.field, state.gradient
-        self.rods.batch.use_gradient(bool(self._gradient.any()))
+            pulled = bool(self._gradient.any())
+        self.rods.batch.use_gradient(pulled)
 
     # ---- what differs from rod to rod
 

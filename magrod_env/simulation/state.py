@@ -221,20 +221,18 @@ def check_state(
             f"state must be of one rod or of {num_rods}, but is of {count}: index it, state[0], or choose rods."
         )
     num_nodes = batch.layout.num_elements + 1
-    shapes = {
-        "nodes": (count, num_nodes, batch.node_rows.inverse_mass),
-        "loads": (count, _LOADS),
-        "watch": (count, _WATCH),
-        "status": (count,),
-        "travel": (count,),
-        "compliance": (count, num_nodes, 3),
-        "field": (count, 3),
-        "gradient": (count, 3, 3),
-    }
-    for name, shape in shapes.items():
-        value, kind = getattr(state, name), np.dtype(np.int64 if name == "status" else np.float64)
-        if name in ("nodes", "loads", "watch"):
-            kind = batch.dtype
+    double, single = np.dtype(np.float64), batch.dtype
+    parts = (
+        ("nodes", state.nodes, (count, num_nodes, batch.node_rows.inverse_mass), single),
+        ("loads", state.loads, (count, _LOADS), single),
+        ("watch", state.watch, (count, _WATCH), single),
+        ("status", state.status, (count,), np.dtype(np.int64)),
+        ("travel", state.travel, (count,), double),
+        ("compliance", state.compliance, (count, num_nodes, 3), double),
+        ("field", state.field, (count, 3), double),
+        ("gradient", state.gradient, (count, 3, 3), double),
+    )
+    for name, value, shape, kind in parts:
         fits = isinstance(value, np.ndarray) and value.shape == shape and value.dtype == kind
         if not fits or (name in ("loads", "field", "gradient", "travel") and not np.isfinite(value).all()):
             raise ValueError(
