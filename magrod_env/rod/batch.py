@@ -34,11 +34,11 @@ from magrod_env.rod.layout import (
 )
 from magrod_env.rod.loads.hub import SHARE, first_rows, load_terms, place_loads
 from magrod_env.rod.mesh import RodValues, split_elements, write_rod
+from magrod_env.rod.planes import PLANE_AXES
 from magrod_env.rod.stepping import run_blocks
 from magrod_env.rod.threads import Pool, checked_num_threads
 
 LANES = {"float64": 8, "float32": 16}  # of a batch that one narrow block holds; larger ones get blocks twice as wide
-PLANE_AXES = {None: (0, 1, 2), "xy": (0, 1), "xz": (0, 2)}
 RODS_PER_THREAD = {
     "float64": 32,
     "float32": 64,

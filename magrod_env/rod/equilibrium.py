@@ -241,7 +241,7 @@ class StaticModel:
     def equilibrium(self, field, gradient=None, column=None) -> Equilibrium:
         """Equilibrium in ``field`` (3,) T and ``gradient`` (3, 3) T/m or None, reached from the straight rod."""
         loads = _loads(field, gradient)
-        return _first(self.solve(loads[None], _one(column)), loads)
+        return shapes_at(self.solve(loads[None], _one(column)), 0, loads)
 
     def continued(self, start: Equilibrium, field, gradient=None, column=None) -> Equilibrium:
         """Equilibrium in ``field`` (3,) T and ``gradient`` (3, 3) T/m, followed from that of other loads.
@@ -250,7 +250,7 @@ class StaticModel:
         point is stable and near the one before; ``share`` is 1 plus the share of the way.
         """
         begin, loads = _loads(start.field, start.gradient), _loads(field, gradient)
-        return _first(self.solve(loads[None], _one(column), _alone(start), begin[None]), loads)
+        return shapes_at(self.solve(loads[None], _one(column), _alone(start), begin[None]), 0, loads)
 
     def holds(self, case: Equilibrium, column=None) -> bool:
         """Whether a shape is a stable equilibrium of this rod under its loads."""
@@ -266,7 +266,7 @@ class StaticModel:
         if not case.reached:
             return self.equilibrium(field)
         loads = _loads(field, None)
-        return _first(self.solve(loads[None], None, _alone(case)), loads)
+        return shapes_at(self.solve(loads[None], None, _alone(case)), 0, loads)
 
     def relaxed(self, positions, quaternions, field, gradient=None, column=None) -> Equilibrium:
         """Equilibrium in ``field`` (3,) T and ``gradient`` (3, 3) T/m in which a shape comes to rest.
@@ -290,13 +290,13 @@ class StaticModel:
                 near = Shapes(*self._poses(rows, 1), np.zeros(1), np.zeros(1, bool))
                 found = self.solve(loads[None], _one(column), near, loads[None])
                 if found.shares[0] >= 2.0:
-                    return _first(found, loads)
+                    return shapes_at(found, 0, loads)
                 if largest < AT_REST and rate <= 1.0:
                     break
             if largest < 0.5 * LARGEST_TURN:
                 rate *= 0.5
         near = Shapes(*self._poses(rows, 1), np.ones(1), np.zeros(1, bool))
-        return _first(near, loads)
+        return shapes_at(near, 0, loads)
 
     def linearise(self, case: Equilibrium | None, column=None):
         """Dense stiffness (6 N, 6 N) and lumped inertia (6 N,) at an equilibrium; None: straight and without load."""
@@ -359,11 +359,6 @@ def _one(column):
 def _alone(case: Equilibrium) -> Shapes:
     """One equilibrium as K = 1."""
     return Shapes(case.positions[None], case.quaternions[None], np.full(1, 2.0), np.zeros(1, bool))
-
-
-def _first(shapes: Shapes, loads) -> Equilibrium:
-    """The only one of K = 1."""
-    return shapes_at(shapes, 0, loads)
 
 
 def shapes_at(shapes: Shapes, index: int, loads) -> Equilibrium:

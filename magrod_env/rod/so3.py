@@ -5,7 +5,7 @@ floats or SIMD lanes (:mod:`magrod_env._simd`); nothing here allocates or branch
 instead of a matrix's nine, stay on the group by one normalisation, and keep track of relative rotations up to 2 pi.
 """
 
-from magrod_env._jit import inline_jit, jit
+from magrod_env._jit import inline_jit
 from magrod_env._simd import polynomial, square_root
 
 
@@ -132,33 +132,3 @@ chord_slope = polynomial(
         2.332958825507414e-10,
     ),
 )  # fmt: skip
-
-
-@jit
-def quaternion_from_matrix(rotation):
-    """Unit quaternion (w, x, y, z) of a 3x3 rotation matrix, by its largest component (safe at every angle)."""
-    trace = rotation[0, 0] + rotation[1, 1] + rotation[2, 2]
-    largest = max(trace, rotation[0, 0], rotation[1, 1], rotation[2, 2])
-    if trace == largest:
-        q = (
-            1.0 + trace,
-            rotation[2, 1] - rotation[1, 2],
-            rotation[0, 2] - rotation[2, 0],
-            rotation[1, 0] - rotation[0, 1],
-        )
-    else:
-        i = 0 if rotation[0, 0] == largest else (1 if rotation[1, 1] == largest else 2)
-        j, k = (i + 1) % 3, (i + 2) % 3
-        part = (
-            1.0 + rotation[i, i] - rotation[j, j] - rotation[k, k],
-            rotation[j, i] + rotation[i, j],
-            rotation[k, i] + rotation[i, k],
-        )
-        w = rotation[k, j] - rotation[j, k]
-        if i == 0:
-            q = (w, part[0], part[1], part[2])
-        elif i == 1:
-            q = (w, part[2], part[0], part[1])
-        else:
-            q = (w, part[1], part[2], part[0])
-    return normalise(q)

@@ -4,6 +4,14 @@ import numpy as np
 
 from magrod_env.rod.batch import RodBatch
 from magrod_env.rod.layout import LEAST_COSINE
+from magrod_env.rod.planes import (
+    quaternions_in_plane,
+    quaternions_in_space,
+    spins_in_plane,
+    spins_in_space,
+    vectors_in_plane,
+    vectors_in_space,
+)
 from magrod_env.rotations import rotation_matrices
 
 
@@ -16,21 +24,18 @@ class BatchState:
     @property
     def positions(self) -> np.ndarray:
         """m, world, (num_rods, num_nodes, 3)."""
-        return self._in_space(self.rows.position)
+        return self._vectors(self.rows.position)
 
     @property
     def velocities(self) -> np.ndarray:
         """m/s, world, (num_rods, num_nodes, 3)."""
-        return self._in_space(self.rows.velocity)
+        return self._vectors(self.rows.velocity)
 
     @property
     def quaternions(self) -> np.ndarray:
         """Rotations of the sections, body to world, scalar first, (num_rods, num_nodes, 4)."""
-        if self.plane is None:
-            return self.batch.nodes(self.rows.rotation, 4)
-        w, z = np.moveaxis(self.batch.nodes(self.rows.rotation, 2), -1, 0)
-        zero = np.zeros_like(w)
-        return np.stack((w, zero, zero, z) if self.plane == "xy" else (w, zero, -z, zero), axis=-1)
+        numbers = 4 if self.plane is None else 2
+        return quaternions_in_space(self.batch.nodes(self.rows.rotation, numbers), self.plane)
 
     @property
     def rotations(self) -> np.ndarray:
@@ -40,11 +45,8 @@ class BatchState:
     @property
     def momenta(self) -> np.ndarray:
         """Angular momentum of the sections, kg m^2/s, body frame, (num_rods, num_nodes, 3)."""
-        if self.plane is None:
-            return self.batch.nodes(self.rows.momentum, 3)
-        momentum = self.batch.nodes(self.rows.momentum, 1)[..., 0]
-        zero = np.zeros_like(momentum)
-        return np.stack((zero, zero, momentum) if self.plane == "xy" else (zero, -momentum, zero), axis=-1)
+        numbers = 3 if self.plane is None else 1
+        return spins_in_space(self.batch.nodes(self.rows.momentum, numbers), self.plane)
 
     @property
     def angular_velocities(self) -> np.ndarray:
@@ -71,17 +73,10 @@ class BatchState:
 
     def set_momenta(self, momenta: np.ndarray) -> None:
         """Set the angular momenta, kg m^2/s, body frame, (num_rods, num_nodes, 3)."""
-        if self.plane is not None:
-            momenta = momenta[..., [2]] if self.plane == "xy" else -momenta[..., [1]]
-        self.batch.set_nodes(self.rows.momentum, momenta)
+        self.batch.set_nodes(self.rows.momentum, spins_in_plane(momenta, self.plane))
 
-    def _in_space(self, row: int) -> np.ndarray:
-        flat = self.batch.nodes(row, len(self.batch.axes))
-        if self.plane is None:
-            return flat
-        full = np.zeros((*flat.shape[:-1], 3))
-        full[..., list(self.batch.axes)] = flat
-        return full
+    def _vectors(self, row: int) -> np.ndarray:
+        return vectors_in_space(self.batch.nodes(row, len(self.batch.axes)), self.plane)
 
     def write(
         self,
@@ -91,18 +86,10 @@ class BatchState:
         momenta: np.ndarray | None = None,
     ) -> None:
         """Put every rod into a state: units and shapes as above; at rest where no motion is given."""
-        batch, rows = self.batch, self.rows
+        batch, rows, plane = self.batch, self.rows, self.plane
         still = np.zeros(positions.shape)
-        velocities = still if velocities is None else velocities
-        momenta = still if momenta is None else momenta
-        if self.plane is not None:
-            axes = list(batch.axes)
-            positions, velocities = positions[..., axes], velocities[..., axes]
-            turned = quaternions[..., [0, 3]] if self.plane == "xy" else quaternions[..., [0, 2]] * (1, -1)
-            momenta = momenta[..., [2]] if self.plane == "xy" else -momenta[..., [1]]
-            quaternions = turned
-        batch.set_nodes(rows.position, positions)
-        batch.set_nodes(rows.rotation, quaternions)
-        batch.set_nodes(rows.velocity, velocities)
-        batch.set_nodes(rows.momentum, momenta)
+        batch.set_nodes(rows.position, vectors_in_plane(positions, plane))
+        batch.set_nodes(rows.rotation, quaternions_in_plane(quaternions, plane))
+        batch.set_nodes(rows.velocity, vectors_in_plane(still if velocities is None else velocities, plane))
+        self.set_momenta(still if momenta is None else momenta)
         batch.rows[:, LEAST_COSINE] = 1.0

@@ -194,12 +194,11 @@ class Rods:
         else:
             self.batch.run_implicit(num_steps, time_step, SHARES[integrator], table)
 
-    def repeated(self, rods: np.ndarray, precision: str = "float64") -> Rods:
-        """New rods with the parameters of some of these (M,), straight and at rest."""
+    def repeated(self, rods: np.ndarray) -> Rods:
+        """New rods in float64 with the parameters of some of these (M,), straight and at rest."""
         new = Rods(
             self.model,
             num_rods=len(rods),
-            precision=precision,
             plane=self.plane,
             num_threads=self.batch.num_threads,
         )

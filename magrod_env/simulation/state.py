@@ -10,8 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from magrod_env.rod.batch import PLANE_AXES, RodBatch
-from magrod_env.rod.layout import DRAG, ENERGY, FIELD, LEAST_COSINE, PLANAR, SPATIAL
+from magrod_env.rod.batch import RodBatch
+from magrod_env.rod.layout import DRAG, ENERGY, FIELD, LEAST_COSINE, PLANAR, SPATIAL, NodeRows
+from magrod_env.rod.planes import (
+    quaternions_in_plane,
+    quaternions_in_space,
+    spins_in_plane,
+    spins_in_space,
+    vectors_in_plane,
+    vectors_in_space,
+)
 from magrod_env.rotations import rotation_matrices
 
 _LOADS = DRAG - FIELD  # rows of field, command and gradient
@@ -114,29 +122,25 @@ class RodState:
 
     # ---- what it says
 
-    def _part(self, first: int, last: int) -> np.ndarray:
+    def _part(self, name: str) -> np.ndarray:
+        """One of a node's quantities as the kernel has it."""
+        first = getattr(self._rows, name)
+        last = min(row for row in (*self._rows[:4], self._rows.inverse_mass) if row > first)
         return self.nodes[..., first:last].astype(float)
 
-    def _in_space(self, flat: np.ndarray) -> np.ndarray:
-        if self.plane is None:
-            return flat
-        full = np.zeros((*flat.shape[:-1], 3))
-        full[..., list(PLANE_AXES[self.plane])] = flat
-        return full
+    @property
+    def _rows(self) -> NodeRows:
+        return SPATIAL if self.plane is None else PLANAR
 
     @property
     def positions(self) -> np.ndarray:
         """m, world, (K, num_nodes, 3)."""
-        return self._in_space(self._part(0, 3 if self.plane is None else 2))
+        return vectors_in_space(self._part("position"), self.plane)
 
     @property
     def quaternions(self) -> np.ndarray:
         """Rotations of the sections, body to world, scalar first, (K, num_nodes, 4)."""
-        if self.plane is None:
-            return self._part(3, 7)
-        w, z = np.moveaxis(self._part(2, 4), -1, 0)
-        zero = np.zeros_like(w)
-        return np.stack((w, zero, zero, z) if self.plane == "xy" else (w, zero, -z, zero), axis=-1)
+        return quaternions_in_space(self._part("rotation"), self.plane)
 
     @property
     def rotations(self) -> np.ndarray:
@@ -151,17 +155,12 @@ class RodState:
     @property
     def velocities(self) -> np.ndarray:
         """m/s, world, (K, num_nodes, 3)."""
-        return self._in_space(self._part(7, 10) if self.plane is None else self._part(4, 6))
+        return vectors_in_space(self._part("velocity"), self.plane)
 
     @property
     def angular_velocities(self) -> np.ndarray:
         """rad/s, body frame, (K, num_nodes, 3)."""
-        if self.plane is None:
-            return self._part(10, 13) * (2.0 * self.compliance)
-        momentum = self._part(6, 7)[..., 0]
-        zero = np.zeros_like(momentum)
-        flat = (zero, zero, momentum) if self.plane == "xy" else (zero, -momentum, zero)
-        return np.stack(flat, axis=-1) * (2.0 * self.compliance)
+        return spins_in_space(self._part("momentum"), self.plane) * (2.0 * self.compliance)
 
     def replace(
         self,
@@ -175,23 +174,19 @@ class RodState:
 
         The watchdog takes the energy anew.
         """
-        nodes, watch = self.nodes.copy(), self.watch.copy()
-        rows, free = SPATIAL if self.plane is None else PLANAR, slice(1, None)
-        axes = list(PLANE_AXES[self.plane])
+        nodes, watch, rows, plane = self.nodes.copy(), self.watch.copy(), self._rows, self.plane
+        free = slice(1, None)
         if positions is not None:
-            nodes[:, free, rows.position : rows.position + len(axes)] = np.asarray(positions, float)[:, free, axes]
+            nodes[:, free, : rows.rotation] = vectors_in_plane(np.asarray(positions, float)[:, free], plane)
         if quaternions is not None:
-            turned = np.asarray(quaternions, float)[:, free]
-            if self.plane is not None:
-                turned = turned[..., [0, 3]] if self.plane == "xy" else turned[..., [0, 2]] * (1, -1)
+            turned = quaternions_in_plane(np.asarray(quaternions, float)[:, free], plane)
             nodes[:, free, rows.rotation : rows.velocity] = turned
         if velocities is not None:
-            nodes[:, free, rows.velocity : rows.momentum] = np.asarray(velocities, float)[:, free, axes]
+            moved = vectors_in_plane(np.asarray(velocities, float)[:, free], plane)
+            nodes[:, free, rows.velocity : rows.momentum] = moved
         if angular_velocities is not None:
-            spin = np.asarray(angular_velocities, float)[:, free] / (2.0 * self.compliance[:, free])
-            if self.plane is not None:
-                spin = spin[..., [2]] if self.plane == "xy" else -spin[..., [1]]
-            nodes[:, free, rows.momentum : rows.inverse_mass] = spin
+            spins = np.asarray(angular_velocities, float)[:, free] / (2.0 * self.compliance[:, free])
+            nodes[:, free, rows.momentum : rows.inverse_mass] = spins_in_plane(spins, plane)
         watch[:] = (1.0, np.inf)
         return dataclasses.replace(self, nodes=nodes, watch=watch, status=np.zeros_like(self.status))
 

@@ -151,8 +151,9 @@ class Report:
 
     @property
     def command(self) -> str:
-        """The command that made this report."""
-        return " ".join(["python -m", self.program, *sys.argv[1:]])
+        """The command that made this report, files outside the checkout by their names alone."""
+        words = (Path(word).name if word.startswith("/") else word for word in sys.argv[1:])
+        return " ".join(["python -m", self.program, *words])
 
     def as_dict(self) -> dict[str, object]:
         """Everything as plain JSON types."""

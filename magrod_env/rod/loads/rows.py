@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from magrod_env import _checks
+from magrod_env.rod.planes import PLANE_AXES
 
 Vector = _checks.Vector
 """Three floats."""
 
 LARGEST = 1e12  # N, N m, N/m: far beyond what a rod bears
-AXES = {None: (0, 1, 2), "xy": (0, 1), "xz": (0, 2)}
 
 
 def checked_load(what: str, value: Any, unit: str, most: float = LARGEST) -> Vector:
@@ -55,7 +55,7 @@ def for_rods(what: str, value: Any, shape: tuple[int, ...], least: float = -LARG
 
 def put_vectors(rows: np.ndarray, first: int, what: str, vectors: np.ndarray, plane: str | None) -> None:
     """Write vectors (1 or K, 3) into rows (K, num_rows), the plane's two axes first."""
-    axes = AXES[plane]
+    axes = PLANE_AXES[plane]
     if np.delete(vectors, axes, axis=1).any():
         raise ValueError(out_of_plane(what, "lie in", vectors, plane))
     rows[:, first : first + len(axes)] = vectors[:, axes]
@@ -68,7 +68,7 @@ def put_moments(rows: np.ndarray, first: int, what: str, moments: np.ndarray, pl
     if plane is None:
         rows[:, first : first + 3] = moments
         return
-    if moments[:, AXES[plane]].any():
+    if moments[:, PLANE_AXES[plane]].any():
         raise ValueError(out_of_plane(what, "be across", moments, plane))
     rows[:, first] = moments[:, 2] if plane == "xy" else -moments[:, 1]
 
